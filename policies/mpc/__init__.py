@@ -1,1 +1,1 @@
-"""Model-based controllers: contact forces by convex MPC, joint torques by a whole-body QP."""
+"""Model-based controllers: convex MPC plans the contact forces, and a whole-body QP computes the joint torques."""

@@ -1,7 +1,7 @@
-"""Contact forces, external wrench and friction, estimated from joint torques.
+"""Estimators of contact forces, external wrench and friction, which need no force sensors in the feet.
 
-`policies.contact.foot_forces` estimates the force on each foot. The external wrench is the force and the moment on
-the trunk that the foot forces do not explain. It is caused by a push, a load or the wind.
+`policies.contact.foot_forces` estimates the force on each foot from joint torques and motion. The external wrench is
+the force and the moment on the trunk that the foot forces do not explain. It is caused by a push, a load or the wind.
 """
 
 from dataclasses import dataclass
@@ -27,48 +27,56 @@ from quad_env.robots.robot import Robot
 class ContactEstimatorConstants:
     """Bounds, thresholds and time constants of `ContactEstimator`.
 
-    The parameter search does not change them; it changes only `policies.mpc.parameters.ModelParameters`.
+    The parameter search does not change them; it changes only the fields of `ModelParameters`.
     """
 
     max_wrench: tuple[float, ...] = (80.0, 80.0, 400.0, 15.0, 15.0, 15.0)
-    """Bounds of the absolute values of the external wrench; each sample is clipped to them.
+    """Bounds of the absolute components of the external wrench on the trunk, (6,).
 
-    Force x, y, z, level frame, N, then moment x, y, z, base frame, N·m."""
+    They are force x, y, z, level frame, N, then moment x, y, z, base frame, N·m. Each sample of the wrench is clipped
+    to them before the low-pass filter."""
     max_upward_force: float = 40.0
-    """Largest upward component of the external force, N; it is small because a load presses downward."""
+    """Largest upward component of a sample of the external force on the trunk, N.
+
+    It is smaller than the bound of the downward component, because a load presses downward."""
     impact_force: float = 300.0
     """Vertical force on a foot above which the contact counts as an impact, N.
 
-    The external wrench is not updated in a control period with an impact."""
+    The estimate of the external wrench is not updated in a control period with an impact."""
     firm_contact_force: float = 30.0
-    """Vertical force on a foot above which the foot stands firmly, N.
+    """Vertical force on a foot above which the foot counts as standing firmly, N.
 
-    The external wrench is not updated if fewer than two feet stand firmly. The robot is then tilted or in the air, and
-    other parts than the feet may touch the ground."""
+    The estimate of the external wrench is not updated if fewer than two feet stand firmly. The robot is then tilted or
+    in the air, and other parts than the feet may touch the ground."""
     max_update_tilt: float = 0.2
-    """Largest absolute roll and pitch angle at which the external wrench is updated, rad."""
+    """Largest absolute roll and pitch angle at which the estimate of the external wrench is updated, rad."""
     initial_weight: float = 5.0
-    """Weight of the initial external wrench, which is zero, in the running mean, as a number of samples."""
-    contact_margin_per_stiffness: float = 0.03
-    """Error of an estimated foot force that encoder noise causes, N per N·m/rad of servo stiffness.
+    """Weight of the initial external wrench, which is zero, in the mean of the first samples.
 
-    A foot in the air counts as in contact only if its vertical force exceeds `touch_force` by this error. The margin
-    is needed because the state prediction would stop a foot with a false contact at once."""
+    The weight is a number of samples."""
+    contact_margin_per_stiffness: float = 0.03
+    """Error of an estimated foot force by encoder noise, divided by the servo stiffness, N per N·m/rad.
+
+    A foot in the air counts as in contact only if its vertical force exceeds the parameter `touch_force` by this error.
+    The margin is needed because the state prediction would stop a foot with a false contact at once."""
     min_encoder_load_time: float = 0.15
-    """Shortest time constant of the filter of the vertical external force, if encoders read the joints, s."""
+    """Shortest time constant of the low-pass filter of the vertical external force if encoders read the joints, s."""
     encoder_offset_time: float = 1.0
-    """Time constant of the filter of the encoder offsets, s. They are updated while the foot of the leg is in the air.
-    """
+    """Time constant of the low-pass filter of the estimated encoder offsets, s.
+
+    The offsets of a leg are updated while its foot is in the air."""
     max_encoder_offset: float = 0.03
-    """Bound of the absolute encoder offset computed from one sample, before the filter, rad."""
+    """Bound of the absolute encoder offset that is computed in one control step, before the low-pass filter, rad."""
     friction_safety_factor: float = 0.7
-    """Factor on the friction coefficient measured in a slip.
+    """Factor on the friction coefficient that is measured in a slip.
 
     It is below 1 because the friction pyramid allows larger forces along its edges than along its sides."""
     min_friction: float = 0.05
-    """Smallest friction coefficient that the controller assumes, even after a slip."""
+    """Smallest friction coefficient between feet and ground that the controller assumes after a slip."""
     slip_update_gain: float = 0.3
-    """Low-pass gain per control period with which the friction estimate falls to the friction measured in a slip."""
+    """Low-pass gain per control period with which the friction estimate falls to the friction measured in a slip.
+
+    It lies between 0 and 1."""
 
 
 CONSTANTS = ContactEstimatorConstants()
@@ -76,9 +84,9 @@ MAX_WRENCH = np.array(CONSTANTS.max_wrench)
 
 
 class ContactEstimator(PerRobotState):
-    """Estimates contact forces, external wrench and friction of n robots, once per control period.
+    """Estimates contact forces, external wrench and friction coefficient of n robots, once per control period.
 
-    The external wrench is the force and the moment on the trunk by a push, a load or the wind.
+    The external wrench is the force and the moment that a push, a load or the wind exerts on the trunk.
 
     Args:
         robot: Robot model; it supplies the servo gains and the home pose.
@@ -89,23 +97,30 @@ class ContactEstimator(PerRobotState):
     """
 
     wrench: Floats = per_robot(np.zeros(6))
-    """External wrench on the trunk, low-pass filtered; it includes the weight of the load, (n, 6).
+    """Low-pass filtered external wrench on the trunk of each robot, (n, 6); it includes the weight of a load.
 
-    Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
+    The first three numbers are the force, level frame, N; the others are the moment about the trunk centre, base frame,
+    N·m."""
     friction_estimate: Floats = per_robot()
-    """Estimated friction coefficient between feet and ground, which the controller assumes, (n,)."""
+    """Estimated friction coefficient between the feet and the ground, one number per robot, (n,).
+
+    It bounds the contact forces that the controller plans."""
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
-    """True for feet in contact: their vertical force exceeds `touch_force`, and they are not in mid-swing, (n, 4)."""
+    """True for feet in contact with the ground, (n, 4).
+
+    The vertical force on these feet exceeds `touch_force`, and they are not in mid-swing."""
     encoder_offsets: Floats = per_robot(np.zeros(12))
     """Estimated encoder offsets: encoder reading minus true joint angle, (n, 12), rad.
 
-    In a leg in the air, an offset causes a servo torque that the motion of the leg does not explain."""
+    They are estimated in legs that are in the air: there an offset causes a servo torque that the motion of the leg
+    does not explain."""
     _sample_count: Floats = per_robot(0.0)
-    """Number of samples that have updated `wrench` since the reset, (n,)."""
+    """Number of control steps since the reset that have updated the external wrench of each robot, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
     """True for feet that were loaded and faster than `slip_speed` in the last control step, (n, 4)."""
     _had_slipped: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were loaded in the last control step and were sliding in the step before it, (n, 4)."""
+    """True for feet that were loaded in the last control step and were sliding in the control step before it, (n, 4).
+    """
 
     def __init__(
         self,
@@ -129,7 +144,10 @@ class ContactEstimator(PerRobotState):
         super().__init__(friction_estimate=parameters.friction)
 
     def remove_encoder_offsets(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), minus the estimated encoder offsets; unchanged without encoders."""
+        """Return the observations, (n, k), with the estimated encoder offsets subtracted from the joint angles.
+
+        The `observation`, (n, k), of n robots is returned unchanged if no encoders read the joints.
+        """
         if not self._encoders:
             return observation
         corrected = observation.copy()
@@ -137,14 +155,15 @@ class ContactEstimator(PerRobotState):
         return corrected
 
     def estimate(self, motion: MotionState, weight: Floats, in_mid_swing: Mask | bool = False) -> Floats:
-        """Estimate the contact forces, and update wrench, contacts, encoder offsets and friction.
+        """Estimate the contact forces, and update external wrench, contacts, encoder offsets and friction.
 
         Args:
-            motion: State at the time of the readings, with the joint targets that led to it. Its dynamics include the
-                load on the trunk.
-            weight: Weight of the loads as a wrench on the trunk, (n, 6), N and N·m. It is added to the unexplained
-                wrench, because the dynamics in `motion` include it already.
-            in_mid_swing: True for feet that are in mid-swing according to the gait, (n, 4). They are not in contact.
+            motion: State of n robots at the time of the readings, with the joint targets that led to it. Its dynamics
+                include the load on the trunk.
+            weight: Weight of the loads as a wrench on the trunk, (n, 6): force, level frame, N, then moment, base
+                frame, N·m. It is added to the unexplained wrench, because the dynamics in `motion` include the load.
+            in_mid_swing: True for feet that are in mid-swing according to the gait, (n, 4). They count as not in
+                contact.
 
         Returns:
             Mean ground reaction forces on the feet over the last control period, level frame, (n, 4, 3), N.
@@ -156,9 +175,9 @@ class ContactEstimator(PerRobotState):
         return forces
 
     def _is_informative(self, motion: MotionState, normal_forces: Floats) -> Mask:
-        """Return True for robots on which the unexplained wrench is an external wrench, (n,).
+        """Return True for robots in a state from which the external wrench can be estimated, (n,).
 
-        These robots stand firmly on two feet or more, the trunk is nearly level, and no foot has an impact.
+        These robots stand firmly on two feet or more, their trunk is nearly level, and no foot has an impact.
         `normal_forces`: vertical forces on the feet, (n, 4), N.
         """
         c = CONSTANTS
@@ -169,9 +188,10 @@ class ContactEstimator(PerRobotState):
         return informative
 
     def _turn_wrench(self, yaw: Floats) -> None:
-        """Rotate the horizontal force of the wrench by -`yaw`, (n,), rad.
+        """Rotate the horizontal force of the external wrench by -`yaw`, (n,), rad, about the vertical axis.
 
-        The level frame has turned by `yaw` with the robot, whereas a push keeps its direction in the world.
+        This is needed because the level frame has turned by `yaw` with the robot, whereas a push keeps its direction in
+        the world.
         """
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
@@ -180,9 +200,10 @@ class ContactEstimator(PerRobotState):
         self.wrench[:, 1] = cosine * y - sine * x
 
     def _update_wrench(self, sample: Floats, informative: Mask) -> None:
-        """Update the filtered external wrench of some robots with a new sample.
+        """Update the low-pass filtered external wrench of some robots with a new sample.
 
-        `sample`: external wrench, (n, 6), N and N·m; `informative`: True for robots to update, (n,).
+        `sample`: unfiltered external wrench, (n, 6): force, level frame, N, then moment, base frame, N·m;
+        `informative`: True for robots to update, (n,).
         """
         bounded = sample.clip(-MAX_WRENCH, MAX_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], CONSTANTS.max_upward_force)
@@ -194,8 +215,8 @@ class ContactEstimator(PerRobotState):
         """Estimate the contact forces and the unexplained wrench, and update contacts and encoder offsets.
 
         Args:
-            motion: State at the time of the readings, with the joint targets that led to it.
-            in_mid_swing: True for feet in mid-swing, which cannot be in contact, (n, 4).
+            motion: State of n robots at the time of the readings, with the joint targets that led to it.
+            in_mid_swing: True for feet in mid-swing, (n, 4); they count as not in contact.
 
         Returns:
             forces: Ground reaction forces on the feet, level frame, (n, 4, 3), N.
@@ -207,9 +228,9 @@ class ContactEstimator(PerRobotState):
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
             self._update_encoder_offsets(needed[:, 6:])
-        # Downward foot forces are set to zero, because the ground cannot pull a foot down. They are caused by a joint
-        # at its limit or by two links that touch. With encoders, the wrench is computed with the downward forces,
-        # because clipping the encoder noise, which has a mean of zero, would bias the wrench.
+        # Downward foot forces are set to zero, because the ground cannot pull a foot down. A downward force is
+        # estimated if a joint is at its limit or two links touch. With encoders, the wrench is computed from the
+        # unclipped forces: encoder noise has a mean of zero, and clipping it would bias the wrench.
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
         count = len(forces)
@@ -220,10 +241,10 @@ class ContactEstimator(PerRobotState):
         return pressing, unexplained
 
     def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
-        """Update the encoder offsets of legs in the air.
+        """Update the estimated encoder offsets of the legs that are in the air.
 
-        `unexplained_torque`: joint torques that the motion needs beyond the servo torques, (n, 12), N·m. In the air,
-        offset = torque / servo stiffness.
+        `unexplained_torque`: joint torques that the motion needs in addition to the servo torques, (n, 12), N·m. In a
+        leg in the air, the encoder offset is this torque divided by the servo stiffness.
         """
         largest = CONSTANTS.max_encoder_offset
         sample = np.clip(unexplained_torque / self.foot_forces.servos.stiffness, -largest, largest)
@@ -233,10 +254,11 @@ class ContactEstimator(PerRobotState):
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Update the friction estimate: it falls when feet slide and slowly returns to `friction` afterwards.
 
-        The friction of a sliding foot is its horizontal divided by its vertical force. A foot slides if it moves and is
-        still loaded one control step later, because a foot that lifts off has no load then. It must slide for two
-        consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the feet, (n, 4, 3), N;
-        `velocity`: foot velocities, (n, 4, 3), m/s.
+        The friction coefficient of a sliding foot is its horizontal force divided by its vertical force. A foot counts
+        as sliding if it moves and is still loaded one control step later, because a foot that lifts off is no longer
+        loaded then. It must slide in two consecutive control steps, because a foot that lands slides for a moment.
+        `forces`: forces on the feet, level frame, (n, 4, 3), N; `velocity`: foot velocities, level frame, (n, 4, 3),
+        m/s.
         """
         p = self._parameters
         c = CONSTANTS
@@ -256,12 +278,12 @@ class ContactEstimator(PerRobotState):
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:
-    """Return the acceleration that a wrench on the trunk causes if each robot is a single rigid body.
+    """Return the acceleration that a wrench on the trunk causes if each robot is modelled as a single rigid body.
 
     Args:
-        bodies: Dynamics terms of n robots: mass, centre of mass and rotational inertia.
-        rotation: Rotation from the base to the level frame, (n, 3, 3).
-        wrench: Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
+        bodies: Dynamics terms of n robots; the mass, the centre of mass and the rotational inertia are used.
+        rotation: Rotation matrix from the base to the level frame, (n, 3, 3).
+        wrench: Wrench on the trunk, (n, 6): force, level frame, N, then moment about the trunk centre, base frame, N·m.
 
     Returns:
         Linear acceleration of the centre of mass, m/s², then angular acceleration, rad/s², level frame, (n, 6).
@@ -273,24 +295,26 @@ def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floa
 
 
 MAX_LATE_CONTACT_PHASE = 0.5
-"""Progress of the stance phase, 0 to 1, up to which a foot without contact counts as late and is lowered.
+"""Elapsed fraction of the stance phase up to which a foot that has no contact yet is lowered as a late foot, 0 to 1.
 
-After this progress, the foot counts as a stance foot even without contact."""
+After this fraction, the foot counts as a stance foot even if it has no contact."""
 LIFTOFF_PHASE = 0.1
-"""Progress of the swing phase, 0 to 1, up to which a foot may still be on the ground after its stance."""
+"""Elapsed fraction of the swing phase up to which a foot may still touch the ground where it has stood, 0 to 1.
+
+Between this fraction and `EARLY_CONTACT_PHASE`, a foot counts as not in contact."""
 EARLY_CONTACT_PHASE = 0.6
-"""Progress of the swing phase, 0 to 1, from which a foot may touch the ground before its stance begins."""
+"""Elapsed fraction of the swing phase from which a foot may touch the ground early, before its stance phase, 0 to 1."""
 
 
 class ContactState(NamedTuple):
     """Contact state of the feet of n robots, made by `classify_contacts`; each mask is (n, 4)."""
 
     stance: Mask
-    """True for feet that carry the robot: their contact forces are planned, (n, 4)."""
+    """True for stance feet, (n, 4): they carry the robot, and their contact forces are planned."""
     late: Mask
-    """True for feet in their stance phase that have not touched the ground yet, (n, 4)."""
+    """True for late feet, (n, 4): they are in their stance phase but have not touched the ground yet."""
     landed: Mask
-    """True for feet on the ground, (n, 4). Their positions are recorded as footprints for the terrain estimate."""
+    """True for feet on the ground, (n, 4); their positions become footprints for the terrain estimate."""
 
 
 def classify_contacts(
@@ -309,7 +333,7 @@ def classify_contacts(
         cycle: Gait cycle of the legs now, (n, 4).
         cycle_at_measurement: Gait cycle of the legs when the forces were measured, (n, 4).
         normal_forces: Estimated vertical forces on the feet, (n, 4), N.
-        is_first_step: True for robots that have no force estimate yet, (n,). Their feet follow the gait.
+        is_first_step: True for robots that have no force estimate yet, (n,). Their stance feet are taken from the gait.
         flies: True if the gait has a flight phase, in which no foot is in stance.
 
     Returns:
@@ -324,8 +348,8 @@ def classify_contacts(
     early = may_be_early & (normal_forces > p.early_force)
     stance = (gait_stance & ~late) | early
     if not flies:
-        # The force plan needs at least one stance foot. A robot that a push has thrown into the air has no contact, so
-        # its stance feet are taken from the gait.
+        # The force plan needs at least one stance foot. The stance feet are taken from the gait for a robot that has no
+        # contact, for example because a push has thrown it into the air.
         stance = np.where(stance.any(axis=1, keepdims=True), stance, gait_stance)
     landed = (gait_stance & in_contact & ~late) | early | ~has_estimate
     return ContactState(stance, late, landed)

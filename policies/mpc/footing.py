@@ -1,4 +1,7 @@
-"""Footholds, swing trajectories and the terrain plane of the model-based controllers; level frame."""
+"""Footholds, swing trajectories and the terrain plane of the model-based controllers.
+
+All positions are in the level frame: origin at the trunk centre, z up, x forward.
+"""
 
 import math
 from collections.abc import Callable
@@ -18,50 +21,55 @@ from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
 MAX_FOOTHOLD_OFFSET = 0.35
-"""Largest horizontal distance of a foothold from its nominal position (see `nominal_footholds`), m."""
+"""Largest horizontal distance of a foothold from its nominal foothold (the foothold of a robot at rest), m."""
 MAX_LEAN_SHIFT = 0.2
-"""Largest forward and lateral shift of the footholds that balances a lasting external force, m."""
+"""Bound of the forward and of the lateral shift of the footholds that balances a lasting external force, m."""
 MAX_HIP_ANGLE = 0.42
-"""Largest sideways angle between the vertical and the leg at a foothold, rad.
+"""Largest angle to the side between the vertical and the line from the hip to a foothold, rad.
 
-It bounds the lateral foothold, so that the abduction joint stays within its limit."""
+It bounds the lateral position of the foothold, so that the abduction joint stays within its limit."""
 MAX_SLOPE = 0.6
-"""Bound of the measured slope of the ground before the filter, rise per metre along each axis."""
+"""Bound of the measured slope of the ground before the low-pass filter, rise per metre, forward and lateral."""
 ROUGHNESS_FILTER_TIME = 1.0
-"""Time constant of the low-pass filter of `TerrainEstimator.roughness`, s."""
+"""Time constant of the low-pass filter of the ground roughness, s.
+
+The roughness is the largest distance of a footprint from the plane through the last four footprints."""
 CROUCH_MARGIN = 0.05
 """Assumed largest sag of the trunk below its reference height when a foot lands, m.
 
 The lateral range of the footholds is computed for a trunk that is lower by this distance."""
 
 _PHASE_STEP = 1e-3
-"""Finite-difference step of the swing progress (0 to 1), for the foot velocity."""
+"""Step of the swing progress (0 to 1) in the finite differences that give the foot velocity."""
 _ROTATE_90 = np.array([-1.0, 1.0])
-"""Signs that turn (y, x) into (-y, x), which is the vector (x, y) rotated by 90 degrees."""
+"""Signs of the components when a vector (x, y) is rotated by 90 degrees: (y, x) times the signs is (-y, x)."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
-"""Function (x, y, progress) -> height of the terrain under the swing feet, level frame; each array is (n, 4).
+"""Function (x, y, progress) -> height of the terrain under the swing feet of n robots; each array is (n, 4).
 
-x, y and the height are in m; progress is the progress of the swing, 0 to 1."""
+x and y are the foot position and the result is the height, level frame, m. The progress is the elapsed fraction of the
+swing phase, 0 to 1."""
 
 
 class TerrainPlane(NamedTuple):
     """Ground planes under n robots, level frame (origin at the trunk centre, z up, x forward)."""
 
     height: Floats
-    """Height of the plane at x = y = 0, relative to the trunk centre, (n,), m; negative if below."""
+    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; normally negative."""
     forward: Floats
-    """Slope of the plane forward, rise per metre, (n,)."""
+    """Slope of the ground plane in the forward direction, rise per metre, (n,)."""
     lateral: Floats
-    """Slope of the plane to the left, rise per metre, (n,)."""
+    """Slope of the ground plane to the left, rise per metre, (n,)."""
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Return the height of the plane, (n, 4), m, at the coordinates `x` and `y`, each (n, 4), m."""
+        """Return the height of the plane, (n, k), m, at the points with the coordinates `x` and `y`, (n, k) or (k,), m."""
         return plane_height((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 
 class TerrainEstimator(PerRobotState):
-    """Estimates the terrain plane of n robots from the last footprint of each foot.
+    """Estimates the ground plane under n robots from the last footprint of each foot.
+
+    A footprint is the position of a foot at its last contact with the ground.
 
     Args:
         slope_time: Time constant of the low-pass filter of the slope, s.
@@ -69,11 +77,13 @@ class TerrainEstimator(PerRobotState):
     """
 
     slope: Floats = per_robot(np.zeros(2), axis=1)
-    """Slope of the ground, low-pass filtered: rise per metre forward and to the left, (2, n)."""
+    """Low-pass filtered slope of the ground forward and to the left, level frame, rise per metre, (2, n)."""
     roughness: Floats = per_robot(0.0)
-    """Largest distance of a footprint from the plane through the four footprints, low-pass filtered, (n,), m."""
+    """Low-pass filtered roughness of the ground, (n,), m.
+
+    The roughness is the largest vertical distance of a footprint from the plane through the last four footprints."""
     footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    """Position of the last footprint of each foot (the place where it last stood), level frame, (3, 4, n), m."""
+    """Footprint of each foot (its position at its last contact with the ground), level frame, (3, 4, n), m."""
 
     def __init__(self, slope_time: float, period: float) -> None:
         self._slope_gain = lowpass_gain(period, slope_time)
@@ -82,14 +92,14 @@ class TerrainEstimator(PerRobotState):
         super().__init__()
 
     def ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Update the footprints, and return the terrain plane.
+        """Update the footprints and the filtered slope, and return the ground plane under each robot.
 
         Args:
             state: State of n robots.
             landed: True for feet on the ground, (n, 4). Their positions become the footprints of these feet.
 
         Returns:
-            Ground plane with the filtered slope, at the mean height of the four footprints.
+            Ground plane with the filtered slope and the mean height of the four footprints.
         """
         yaw_rate = state.angular_velocity[:, 2]
         carried_along = advect_footprints(self.footprints, state.velocity.T, yaw_rate, self._period)
@@ -97,8 +107,8 @@ class TerrainEstimator(PerRobotState):
         plane = fit_plane(self.footprints)
         distance = np.abs(height_above_plane(plane, self.footprints)).max(axis=0)
         self.roughness += self._roughness_gain * (distance - self.roughness)
-        # The slope vector is turned against the yaw rate, because the level frame turns with the robot and the ground
-        # does not.
+        # The slope vector is rotated against the yaw rate, because the level frame turns with the robot, whereas the
+        # slope keeps its direction in the world.
         forward, lateral = self.slope
         self.slope = self.slope + self._period * yaw_rate * np.array((lateral, -forward))
         measured_slope = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
@@ -111,7 +121,7 @@ class TerrainEstimator(PerRobotState):
 def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
     """Return the horizontal velocity of the ground relative to the trunk, at the position of each foot.
 
-    A foot in stance moves with this velocity relative to the trunk.
+    A stance foot moves with this velocity relative to the trunk.
 
     Args:
         state: State of n robots.
@@ -124,15 +134,15 @@ def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
 
 
 def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> Floats:
-    """Return the horizontal velocity of points fixed to the trunk: v + ω_z × r.
+    """Return the horizontal velocity v + ω_z × r of points fixed to the trunk.
 
     Args:
-        state: State of n robots; v is the velocity of the centre of mass.
-        yaw_rate: Yaw rate of the trunks, (n,), rad/s.
-        positions: Points relative to the trunk centre, level frame, (n, 4, 2 or 3), m.
+        state: State of n robots; it supplies the velocity v of the centre of mass.
+        yaw_rate: Yaw rate ω_z of the trunks, (n,), rad/s.
+        positions: Positions r of the points relative to the trunk centre, level frame, (n, 4, 2 or 3), m.
 
     Returns:
-        Velocity of the points, level frame, (n, 4, 2), m/s.
+        Horizontal velocity of the points, level frame, (n, 4, 2), m/s.
     """
     yaw_velocity = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
     velocity: Floats = state.bodies.com_velocity[:, None, :2] + yaw_velocity
@@ -141,13 +151,13 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
 
 @cache
 def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
-    """Return the footholds of a robot that stands: a rectangle about the centre of mass.
+    """Return the nominal footholds, the footholds of a robot at rest: a rectangle about the centre of mass.
 
-    `plan_footholds` adds offsets for velocity and disturbances to them.
+    `plan_footholds` adds offsets to them that depend on the velocity and on external forces.
 
     Args:
         robot: Robot model; it supplies the order and the side of the legs.
-        p: Parameters with `length`, `width` and forward `shift` of the rectangle.
+        p: Parameters with the length, the width and the forward `shift` of the rectangle.
 
     Returns:
         Footholds (x, y) relative to the centre of mass, level frame, (4, 2), m.
@@ -164,23 +174,23 @@ def plan_footholds(
     stance_time: Floats,
     height: float,
 ) -> Floats:
-    """Plan footholds (Raibert heuristic).
+    """Plan the next foothold of each foot (Raibert heuristic).
 
-    Three offsets are added to each nominal foothold. The first is half the distance that the body moves in a stance, so
-    that the body is over the nominal foothold at mid-stance. The second is `step_gain` times the velocity error. The
-    third is a shift with which the feet balance a lasting external force.
+    Three offsets are added to each nominal foothold. The first is half the distance that the trunk moves in a stance
+    phase, so that the foot is at its nominal foothold at mid-stance. The second is `step_gain` times the velocity
+    error. The third is a shift in the direction of a lasting external force, so that the feet balance this force.
 
     Args:
         robot: Robot model; it supplies the hip positions.
-        p: Parameters with nominal footholds, `step_gain` and `lean_gain`.
+        p: Parameters of the nominal footholds, `step_gain` and `lean_gain`.
         motion: State of n robots.
-        disturbance_acceleration: Horizontal acceleration by lasting external forces, level frame, (n, 2), m/s².
-        stance_time: Duration of a stance phase, (n,), s.
-        height: Reference height of the trunk above the ground, m.
+        disturbance_acceleration: Horizontal acceleration that lasting external forces cause, level frame, (n, 2), m/s².
+        stance_time: Duration of a stance phase of each robot, (n,), s.
+        height: Reference height of the trunk centre above the ground, m.
 
     Returns:
-        Footholds (x, y), level frame, (n, 4, 2), m. They are at most `MAX_FOOTHOLD_OFFSET` away from the shifted
-        nominal footholds, and their lateral positions are within the range of the abduction joints.
+        Footholds (x, y), level frame, (n, 4, 2), m. The sum of the first two offsets is at most `MAX_FOOTHOLD_OFFSET`,
+        and the lateral positions are within the range of the abduction joints.
     """
     bodies = motion.bodies
     command = motion.command
@@ -207,19 +217,20 @@ def swing_trajectory(
     period: float,
     terrain: Terrain,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return position, velocity and acceleration of the swing trajectories, relative to the trunk.
+    """Return position, velocity and acceleration of the swing feet on their trajectories, relative to the trunk.
 
-    At lift-off and touch-down, the foot moves with the ground. The trajectory ends `landing_depth` below the ground.
+    At lift-off and touch-down, a foot moves with the ground. The trajectory ends `landing_depth` below the ground.
 
     Args:
         p: Parameters with `step_height` and `landing_depth`.
         start: Foot position (x, y) at lift-off, level frame, (n, 4, 2), m.
         foothold_positions: Foot position (x, y) at touch-down, level frame, (n, 4, 2), m.
-        ground_velocities: Velocity of the ground relative to the trunk, level frame, (n, 4, 2), m/s.
-        progress: Progress of the swing, 0 to 1, (n, 4).
-        time: Duration of a swing phase, (n,), s.
+        ground_velocities: Horizontal velocity of the ground relative to the trunk at each foot, level frame, (n, 4, 2),
+            m/s.
+        progress: Elapsed fraction of the swing phase of each foot, 0 to 1, (n, 4).
+        time: Duration of a swing phase of each robot, (n,), s.
         period: Control period, s.
-        terrain: Function that returns the height of the terrain under the swing.
+        terrain: Function that returns the height of the terrain under the swing feet.
 
     Returns:
         position: Foot positions, level frame, (n, 4, 3), m.
@@ -262,8 +273,8 @@ def predict_moment_arms(
 ) -> Floats:
     """Predict the vectors from the centre of mass to the feet over the N steps of the MPC horizon.
 
-    The body moves at constant velocity. Meanwhile a stance foot stays where it stands, and a swing foot stays at its
-    foothold once it has landed.
+    The prediction assumes that the centre of mass moves at constant velocity. A stance foot stays at its present
+    position on the ground, and a swing foot stays at its foothold after it has landed.
 
     Args:
         feet: Present foot positions, level frame, (n, 4, 3), m.
@@ -271,12 +282,12 @@ def predict_moment_arms(
         centre: Position of the centre of mass, level frame, (n, 3), m.
         velocity: Horizontal velocity of the centre of mass, level frame, (n, 2), m/s.
         stance: True for stance feet in each step of the horizon, (n, N, 4).
-        time_in_stance: Time since the touch-down of each foot, (n, N, 4), s.
-        times: Time from now to the middle of each step, (N,), s.
+        time_in_stance: Time since the touch-down of each stance foot, in each step of the horizon, (n, N, 4), s.
+        times: Time from now to the middle of each step of the horizon, (N,), s.
         z: Height of the ground under the feet relative to the centre of mass, broadcasts to (n, N, 4), m.
 
     Returns:
-        Vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m.
+        Vectors from the centre of mass to the feet in each step of the horizon, level frame, (n, N, 4, 3), m.
     """
     stays_in_stance = np.logical_and.accumulate(stance, axis=1)[..., None]
     velocity_by_step = velocity[:, None, None]
