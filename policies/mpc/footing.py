@@ -21,7 +21,9 @@ from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
 MAX_FOOTHOLD_OFFSET = 0.35
-"""Largest horizontal distance of a foothold from its nominal foothold (the foothold of a robot at rest), m."""
+"""Largest horizontal offset of a foothold that depends on the velocity and the velocity error of the robot, m.
+
+The offset is measured from the nominal foothold, which is the foothold of a robot at rest."""
 MAX_LEAN_SHIFT = 0.2
 """Bound of the forward and of the lateral shift of the footholds that balances a lasting external force, m."""
 MAX_HIP_ANGLE = 0.42
@@ -62,7 +64,7 @@ class TerrainPlane(NamedTuple):
     """Slope of the ground plane to the left, rise per metre, (n,)."""
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Return the height of the plane, (n, k), m, at the points with the coordinates `x` and `y`, (n, k) or (k,), m."""
+        """Return the height of the plane, (n, k), m, at the coordinates `x` and `y`, (n, k) or (k,), m."""
         return plane_height((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 

@@ -1,8 +1,8 @@
-"""Force plans of the robots: contact forces over the MPC horizon, and the age of the plans.
+"""Force plans of the robots: contact forces over the prediction horizon of the MPC, and the age of each plan.
 
-A robot applies the forces of its plan until the plan is renewed. The age of the plan gives the present step of the
-horizon. If other feet are in stance than planned, the total wrench of the planned forces about the centre of mass is
-distributed over the feet in stance.
+A robot applies the forces of its plan until the plan is replaced by a new one. The age of the plan gives the present
+step of the horizon. If other feet are in stance than planned, the total wrench of the planned forces about the centre
+of mass is distributed over the feet that are in stance.
 """
 
 import numpy as np
@@ -14,33 +14,33 @@ from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.physics.rotations import cross, skew
 
 _DAMPING = 1e-4
-"""Regularisation when a wrench is distributed over the stance feet.
+"""Damping of the least-squares solution that distributes a wrench over the stance feet.
 
-It is needed because two feet cannot give a moment about the line through them."""
+It is needed because two feet cannot exert a moment about the line through them."""
 _CLOCK_ROUNDING = 1e-6
-"""Tolerance for rounding errors of the age of a plan, s."""
+"""Tolerance for rounding errors of the age of a force plan, s."""
 
 
 class ForcePlans(PerRobotState):
-    """Force plans of n robots over a horizon of N steps.
+    """Force plans of n robots: planned contact forces over a horizon of N steps.
 
     In the initial plan, every foot carries a quarter of the weight. The initial plan is replaced in the first control
     step, because its age is infinite.
 
     Args:
-        steps: Number of steps N of the horizon.
-        period: Duration of a step of the horizon, s.
+        steps: Number of steps N of the prediction horizon.
+        period: Duration of a step of the prediction horizon, s.
         weight: Weight of the robot, N.
     """
 
     forces: Floats = per_robot()
-    """Planned contact force of each foot in each of the N steps, level frame, (n, N, 4, 3), N."""
+    """Planned contact force of each foot in each of the N steps of the horizon, level frame, (n, N, 4, 3), N."""
     age: Floats = per_robot(np.inf)
-    """Time since the plan was computed, (n,), s; infinite before the first plan."""
+    """Time since the force plan of each robot was computed, (n,), s; infinite before the first plan."""
     _stance: Mask = per_robot()
-    """True for the planned stance feet in each step, (n, N, 4)."""
+    """True for feet that are planned to be in stance, for each of the N steps of the horizon, (n, N, 4)."""
     _moment_arms: Floats = per_robot()
-    """Planned vectors from the centre of mass to the feet in each step, level frame, (n, N, 4, 3), m."""
+    """Planned vectors from the centre of mass to the feet in each of the N steps, level frame, (n, N, 4, 3), m."""
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps = steps
@@ -52,20 +52,21 @@ class ForcePlans(PerRobotState):
         )
 
     def advance(self, time: float) -> None:
-        """Add `time`, s, to the age of every plan."""
+        """Add the elapsed `time`, s, to the age of every force plan."""
         self.age += time
 
     def due(self, stance: Mask, interval: float) -> Mask:
-        """Return the mask of robots that need a new plan.
+        """Return the mask of robots that need a new force plan.
 
-        A robot needs a new plan if its plan is old, or if other feet are in stance than planned.
+        A robot needs a new plan if its plan has reached the age `interval`, or if other feet are in stance than
+        planned.
 
         Args:
-            stance: Present stance feet, (n, 4).
-            interval: Age from which a plan is old, s.
+            stance: True for feet that are in stance now, (n, 4).
+            interval: Age at which a plan is replaced, s.
 
         Returns:
-            True for robots that need a new plan, (n,).
+            True for robots that need a new force plan, (n,).
         """
         is_old = self.age > interval - _CLOCK_ROUNDING
         if is_old.all():
@@ -74,13 +75,14 @@ class ForcePlans(PerRobotState):
         return has_other_stance | is_old
 
     def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, moment_arms: Floats) -> None:
-        """Replace the plans of g robots by new plans that start now; their age is set to zero.
+        """Replace the force plans of g robots by new plans that start now, with the age zero.
 
         Args:
             robots: Indices of the robots, (g,).
-            forces: Contact forces in each step, level frame, (g, N, 4, 3), N.
-            stance: True for the stance feet in each step, (g, N, 4).
-            moment_arms: Vectors from the centre of mass to the feet in each step, level frame, (g, N, 4, 3), m.
+            forces: Contact forces in each of the N steps of the horizon, level frame, (g, N, 4, 3), N.
+            stance: True for the stance feet in each step of the horizon, (g, N, 4).
+            moment_arms: Vectors from the centre of mass to the feet in each step of the horizon, level frame, (g, N, 4,
+                3), m.
         """
         self.forces[robots] = forces
         self._stance[robots] = stance
@@ -88,12 +90,13 @@ class ForcePlans(PerRobotState):
         self.age[robots] = 0.0
 
     def present_forces(self, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
-        """Return the contact forces of the present step of each plan.
+        """Return the contact forces that each force plan gives for the present step of its horizon.
 
-        If other feet are in stance than planned, the total wrench of the planned forces is distributed over them.
+        If other feet are in stance than planned, the total wrench of the planned forces is distributed over the feet
+        that are in stance.
 
         Args:
-            stance: Present stance feet, (n, 4).
+            stance: True for feet that are in stance now, (n, 4).
             moment_arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
             friction: Bounds of the contact forces; used only if a wrench is distributed.
 
@@ -112,24 +115,24 @@ class ForcePlans(PerRobotState):
 
     @property
     def _robots(self) -> EnvIndices:
-        """Indices of all robots, (n,)."""
+        """Indices 0 to n - 1 of all robots, (n,)."""
         return np.arange(len(self.age))
 
     @property
     def _step(self) -> EnvIndices:
-        """Index of the present step of each robot's plan, (n,); N - 1 if the plan is older than the horizon."""
+        """Index of the present horizon step in each robot's plan, (n,); N - 1 if the plan is older than the horizon."""
         return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
 def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
-    """Distribute a wrench over the stance feet.
+    """Distribute a wrench (force and moment) over the stance feet.
 
-    The result is the contact forces with the smallest norm that give the wrench. The forces are clipped to the friction
-    pyramid afterwards, so that their sum may differ from the wrench.
+    The contact forces with the smallest norm that give the wrench are computed first. They are then clipped to the
+    friction pyramid, so that their wrench may differ from the given one.
 
     Args:
-        wrench: Total force, N, and moment about the centre of mass, N·m, level frame, (n, 6).
-        stance: Stance feet, (n, 4).
+        wrench: Wrench on each robot, level frame, (n, 6): force, N, then moment about the centre of mass, N·m.
+        stance: True for stance feet, (n, 4).
         moment_arms: Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
         friction: Bounds of the contact forces.
 
@@ -146,18 +149,19 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
 
 
 def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: float) -> Floats:
-    """Return the stance forces with the smallest norm that give a desired effect, such as a wrench.
+    """Return the forces on the stance feet with the smallest norm that give a desired effect, such as a wrench.
 
-    They are the damped least-squares solution f = Eᵀ (E Eᵀ + λ 1)⁻¹ w.
+    The effect is linear in the forces. The forces are the damped least-squares solution f = Eᵀ (E Eᵀ + λ 1)⁻¹ w. E is
+    the matrix from the forces on all stance feet to their total effect.
 
     Args:
-        effects: Matrix E of each foot, from its force to the effect of the force, (n, 4, 6, 3).
+        effects: Block of the matrix E for each foot, from the force on the foot to its effect, (n, 4, 6, 3).
         wanted: Desired sum w of the effects of all stance feet, (n, 6).
-        stance: Stance feet, (n, 4).
-        damping: Damping λ, which keeps the forces finite for effects that the feet cannot have.
+        stance: True for stance feet, (n, 4).
+        damping: Damping λ, which keeps the forces finite if the feet cannot give the desired effect.
 
     Returns:
-        Forces, (n, 4, 3); zero for feet that are not in stance.
+        Forces on the feet, (n, 4, 3); zero for feet that are not in stance.
     """
     matrix = np.where(stance[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
     square = np.matmul(matrix, matrix.transpose(0, 2, 1)) + damping * np.eye(6)

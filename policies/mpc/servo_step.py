@@ -1,6 +1,4 @@
-"""Prediction of the robot's motion in a control period by implicit integration.
-
-The prediction includes the servos and the ground contacts.
+"""Prediction of the robot's motion in a control period by implicit integration, with servos and ground contacts.
 
 One implicit step of length T, from the generalised velocity v to v⁺, solves these equations:
 
@@ -9,8 +7,8 @@ One implicit step of length T, from the generalised velocity v to v⁺, solves t
     J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground
 
 M is the inertia matrix, w the external wrench, h the bias force, τ the servo torques, J the Jacobian of the feet and p
-the impulses on the feet in contact. k and d are the servo stiffness and damping, u the joint targets, q the joint
-angles and s the sink velocity of the feet.
+the impulses on the feet in contact. k and d are the servo stiffness and damping, u the joint targets and q the joint
+angles. s is the velocity with which the feet in contact close a remaining gap to the ground.
 
 The method is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics",
 1996, for feet that stick to the ground.
@@ -29,81 +27,96 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 CONTACT_ITERATIONS = 3
-"""Number of iterations of `predict_landing` that find the feet in contact.
+"""Number of iterations with which `predict_landing` finds the feet that land in a control period.
 
-The first iteration assumes that all feet are in the air. The second adds contacts of the feet that would be below the
+The first iteration assumes that all feet are in the air. The second adds contacts for the feet that would be below the
 ground. The third removes contacts of the feet that the ground would have to pull down."""
 MAX_SINK_VELOCITY = 0.5
 """Largest downward velocity with which a foot in contact closes its remaining gap to the ground, m/s."""
 SUBSTEPS = 5
-"""Number of implicit steps in a control period.
+"""Number of implicit integration steps in a control period.
 
-A single step of 10 ms would damp the joint speeds by 5 to 10 %."""
+A single step of 10 ms would wrongly reduce the joint speeds by 5 to 10 %, because implicit integration adds damping."""
 _UNIT_TARGETS = np.eye(12, 13, 1)[None]
-"""Joint targets in 13 columns, (1, 12, 13), rad.
+"""Joint targets in 13 columns, (1, 12, 13), rad, for the response of the robot to each joint target.
 
 The first column is zero. In each other column, one joint target is 1 rad and the remaining targets are zero."""
 _CONTACT_REGULARIZATION = 1e-6
-"""Compliance of a contact: velocity of the foot per impulse, 1/kg.
+"""Compliance of a ground contact: velocity of the foot per impulse, 1/kg.
 
-It is above 0 because the distribution of the load over four rigid feet is not unique."""
+It is above 0 because the distribution of the load over four rigid contacts is not unique."""
 _LEGS = 4
 
 
 class BlockLayout:
-    """Layout of the vectors of an implicit step: slices of the 30 unknowns and of the 32 state variables.
+    """Layout of the two vectors of an implicit integration step: the 30 unknowns and the 32 state variables.
 
-    The unknowns are the generalised velocity after the step and the impulses on the feet. The state variables are the
-    generalised velocity, the servo errors, the constant 1 and the step number.
+    Each attribute is the slice of a quantity in these vectors. The unknowns are the generalised velocity after the step
+    and the impulses on the feet. The state variables are the generalised velocity, the servo errors, the constant 1 and
+    the step number.
     """
 
     VELOCITY = slice(0, 18)
-    """Generalised velocity, in unknowns and state: trunk velocity, m/s, angular velocity and joint speeds, rad/s."""
+    """Slice of the generalised velocity in the vector of unknowns and in the state vector.
+
+    It has the velocity, m/s, and the angular velocity, rad/s, of the trunk, and the joint speeds, rad/s."""
     TRUNK = slice(0, 6)
-    """Trunk part of the generalised velocity: velocity, m/s, and angular velocity, rad/s."""
+    """Slice of the trunk's velocity, m/s, and angular velocity, rad/s, in the vector of unknowns and the state vector.
+    """
     JOINTS = slice(6, 18)
-    """Joint part of the generalised velocity, rad/s."""
+    """Slice of the joint speeds, rad/s, in the vector of unknowns and in the state vector."""
     IMPULSE = slice(18, 30)
-    """Impulses on the feet, N·s; in the vector of unknowns only."""
+    """Slice of the impulses on the four feet, N·s, in the vector of unknowns."""
     NORMAL_IMPULSE = slice(20, 30, 3)
-    """Vertical components of the impulses on the feet, N·s; in the vector of unknowns only."""
+    """Slice of the vertical components of the impulses on the four feet, N·s, in the vector of unknowns."""
     LEGS = slice(6, 30)
-    """Joint speeds and impulses of all legs; in the vector of unknowns only."""
+    """Slice of the joint speeds, rad/s, and foot impulses, N·s, of all legs in the vector of unknowns."""
     NUM_UNKNOWNS = 30
 
     SERVO_ERROR = slice(18, 30)
-    """Servo errors: joint target minus joint angle, rad; in the state vector only."""
+    """Slice of the servo errors (joint target minus joint angle), rad, in the state vector."""
     ONE = slice(30, 31)
-    """The constant 1, which multiplies the constant terms of the equations; in the state vector only."""
+    """Slice of the constant 1 in the state vector; it multiplies the constant terms of the equations."""
     STEP = slice(31, 32)
-    """Number of the implicit step in the control period, from 1; in the state vector only."""
+    """Slice of the number of the integration step in the control period, from 1, in the state vector."""
     NUM_STATES = 32
 
 
 class AffineResponse(NamedTuple):
-    """Generalised velocity at the end of a control period as an affine function of the joint targets."""
+    """Affine function from the joint targets of n robots to their generalised velocity after a control period.
+
+    A generalised velocity has the velocity, m/s, and angular velocity, rad/s, of the trunk, and the joint speeds,
+    rad/s.
+    """
 
     offset: Floats
-    """Generalised velocity at the end of the period if all joint targets are zero, (n, 18), m/s and rad/s."""
+    """Generalised velocity at the end of the control period if all joint targets are zero, (n, 18), m/s and rad/s."""
     per_target: Floats
-    """Derivative of the generalised velocity with respect to the joint targets, (n, 18, 12), 1/s and m/s per rad."""
+    """Derivative of the generalised velocity after a control period with respect to the joint targets, (n, 18, 12).
+
+    The unit is m/s per rad in the rows of the trunk velocity, and 1/s in the other rows."""
 
     def velocities(self, targets: Floats) -> Floats:
-        """Return the generalised velocities, (m, n, 18), for m sets of joint `targets`, (m, n, 12), rad."""
+        """Return the generalised velocities after a control period, (m, n, 18), m/s and rad/s.
+
+        `targets` are m alternative sets of joint targets for the n robots, (m, n, 12), rad.
+        """
         velocities: Floats = self.offset[..., None] + self.per_target @ targets.transpose(1, 2, 0)
         return velocities.transpose(2, 0, 1)
 
 
 class StepMap(NamedTuple):
-    """Matrices of an implicit step of n robots; they multiply the state vector before the step.
+    """Matrices of an implicit integration step of n robots; they multiply the state vector before the step.
 
-    `BlockLayout` describes the order of the state variables and unknowns.
+    `BlockLayout` describes the order of the 32 state variables and of the 30 unknowns.
     """
 
     solution: Floats
-    """Matrix from the state before the step to the unknowns: velocity after the step and impulses, (n, 30, 32)."""
+    """Matrix from the state vector before an integration step to the vector of unknowns, (n, 30, 32).
+
+    The unknowns are the generalised velocity after the step and the impulses on the feet."""
     transition: Floats
-    """Matrix from the state before the step to the state after the step, (n, 32, 32)."""
+    """Matrix from the state vector before an integration step to the state vector after the step, (n, 32, 32)."""
 
 
 def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
@@ -112,12 +125,13 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
     Args:
         robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
-        stance: True for feet in contact during the period, (n, 4).
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        stance: True for feet in contact with the ground during the control period, (n, 4).
+        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         period: Control period, s.
 
     Returns:
-        Affine function of each of n robots.
+        Affine function for each of n robots.
     """
     velocity, _ = _integrate(robot, state, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
     return AffineResponse(velocity[..., 0], velocity[..., 1:])
@@ -133,13 +147,15 @@ def predict_landing(
     Args:
         robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
-        gaps: Height of the feet above the ground at the beginning, (n, 4), m.
+        gaps: Height of the feet above the ground at the beginning of the control period, (n, 4), m.
         targets: Joint targets, (n, 12), rad.
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         period: Control period, s.
 
     Returns:
-        Generalised velocity at the end of the control period, (n, 18), m/s and rad/s.
+        Generalised velocity at the end of the control period, (n, 18): trunk velocity, m/s, angular velocity and joint
+        speeds, rad/s.
     """
     in_contact = np.zeros(gaps.shape, np.bool_)
     velocity = state.generalised_velocity.copy()
@@ -165,23 +181,24 @@ def predict_landing(
 def _integrate(
     robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float, targets: Floats, sink: Floats
 ) -> tuple[Floats, Floats]:
-    """Integrate the motion over a control period by `SUBSTEPS` implicit steps.
+    """Integrate the motion of n robots over a control period by `SUBSTEPS` implicit steps.
 
     Each step multiplies the state vector (see `BlockLayout`) by the transition matrix of the step.
 
     Args:
         robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
-        stance: True for feet in contact, (n, 4).
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        stance: True for feet in contact with the ground, (n, 4).
+        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         period: Control period, s.
-        targets: Joint targets in c columns, (n or 1, 12, c), rad. Initial state and external forces act in the first
-            column only; the other columns are responses to their joint targets alone.
+        targets: Joint targets in c columns, (n or 1, 12, c), rad. The initial state and the external forces act in the
+            first column only. The other columns give the response to their joint targets alone.
         sink: Vertical velocity of the feet in contact, (n, 4), m/s.
 
     Returns:
-        velocity: Generalised velocity at the end, for each column of targets, (n, 18, c), m/s and rad/s.
-        impulses: Impulses on the feet over the period, for the first column of targets, (n, 12), N·s.
+        velocity: Generalised velocity at the end of the period, for each column of targets, (n, 18, c), m/s and rad/s.
+        impulses: Sum of the impulses on the feet over the period, for the first column of targets, (n, 12), N·s.
     """
     step_map = _assemble(robot, state, stance, wrench, period / SUBSTEPS, sink)
     x = _initial_state(state, targets)
@@ -194,10 +211,10 @@ def _integrate(
 
 
 def _initial_state(state: MotionState, targets: Floats) -> Floats:
-    """Return the state vectors before the first step, (n, 32, c), for c columns of `targets`.
+    """Return the state vectors of n robots before the first integration step, (n, 32, c), see `BlockLayout`.
 
-    The shape of `targets` is (n or 1, 12, c), rad. The first column has the initial `state` of the robots; in the other
-    columns, only the servo errors are not zero.
+    There is one vector for each of the c columns of joint `targets`, (n or 1, 12, c), rad. The first column has the
+    initial `state` of the robots. In the other columns, only the servo errors are not zero.
     """
     b = BlockLayout
     x = np.zeros((len(state.generalised_velocity), b.NUM_STATES, targets.shape[2]))
@@ -210,25 +227,27 @@ def _initial_state(state: MotionState, targets: Floats) -> Floats:
 
 
 def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, step: float, sink: Floats) -> StepMap:
-    """Assemble the matrices of an implicit step.
+    """Assemble the matrices of an implicit integration step.
 
     The unknowns are the generalised velocity v⁺ after the step and the impulses p on the feet. In step number i they
-    solve the following system, with the servo error e = u - q (joint targets minus joint angles), the contact
-    regularisation ε, and the symbols of the module docstring.
+    solve this system:
 
         [M + T (d + T k)   -Jᵀ] [v⁺]   [M v + T k e + T (w - h)]
         [J                  ε ] [p ] = [s - i T J̇ v            ]
 
+    M is the inertia matrix, h the bias force, J the Jacobian of the feet, v the generalised velocity before the step
+    and ε the contact regularisation. The servo error e is joint target minus joint angle.
+
     Args:
         robot: Robot model; it supplies stiffness k and damping d of the servos.
         state: State of n robots at the beginning of the control period.
-        stance: True for feet in contact, (n, 4).
-        wrench: External wrench w on the trunks, (n, 6), N and N·m.
-        step: Length T of the step, s.
+        stance: True for feet in contact with the ground, (n, 4).
+        wrench: External wrench w on the trunks, (n, 6): force, level frame, N, then moment, base frame, N·m.
+        step: Length T of the integration step, s.
         sink: Vertical velocity s of the feet in contact, (n, 4), m/s.
 
     Returns:
-        Matrices that multiply the state vector before a step.
+        Matrices that multiply the state vector before an integration step.
     """
     b = BlockLayout
     bodies = state.bodies
@@ -249,8 +268,8 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
     solution[..., b.ONE] = inverse @ constant
     solution[..., b.STEP] = inverse[..., b.IMPULSE] @ per_step
 
-    # The transition sets the velocity to v⁺ and the servo errors to e - T v⁺, keeps the constant 1, and adds 1 to the
-    # step number.
+    # The transition matrix sets the velocity to v⁺ and the servo errors to e - T v⁺. It keeps the constant 1, and adds
+    # 1 to the step number.
     transition = np.zeros((count, b.NUM_STATES, b.NUM_STATES))
     transition[:, b.VELOCITY] = solution[:, b.VELOCITY]
     transition[:, b.SERVO_ERROR] = -step * solution[:, b.JOINTS]
@@ -261,10 +280,10 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
 
 
 def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
-    """Invert the 30 x 30 matrix of an implicit step (see `_assemble`) by a Schur complement.
+    """Invert the 30 x 30 matrix of the linear system of an implicit step (see `_assemble`) by a Schur complement.
 
-    The legs are eliminated one by one, because the legs are coupled only through the trunk. A is the block of the
-    trunk, Lᵢ the block of leg i, and Uᵢ (leg to trunk) and Dᵢ (trunk to leg) are the coupling blocks. With the Schur
+    The legs are eliminated one by one, because they are coupled only through the trunk. A is the block of the trunk and
+    Lᵢ the block of leg i. The coupling blocks are Uᵢ (leg i to trunk) and Dᵢ (trunk to leg i). With the Schur
     complement S, the blocks of the inverse are
 
         S = A - Σ Uᵢ Lᵢ⁻¹ Dᵢ
@@ -273,8 +292,9 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
 
     Args:
         bodies: Dynamics terms of n robots.
-        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
-        stance: True for feet in contact, (n, 4).
+        damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
+            N·m·s.
+        stance: True for feet in contact with the ground, (n, 4).
 
     Returns:
         Inverse matrices, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
@@ -291,12 +311,14 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
 
 
 def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Floats, leg_inverse: Floats) -> Floats:
-    """Assemble the inverse matrix of an implicit step from its blocks; `_invert` defines the symbols.
+    """Assemble the inverse of the matrix of an implicit step from blocks for trunk and legs.
+
+    The docstring of `_invert` gives the formulas of the blocks and defines the symbols S, Lᵢ, Dᵢ and Uᵢ.
 
     Args:
-        trunk_inverse: Inverse of the Schur complement, S⁻¹, (n, 6, 6).
-        leg_by_trunk: Lᵢ⁻¹ Dᵢ of all legs, stacked vertically, (n, 24, 6).
-        trunk_by_leg: Uᵢ Lᵢ⁻¹ of all legs, stacked horizontally, (n, 6, 24).
+        trunk_inverse: Inverse S⁻¹ of the Schur complement of the trunk, (n, 6, 6).
+        leg_by_trunk: Products Lᵢ⁻¹ Dᵢ of all legs, stacked vertically, (n, 24, 6).
+        trunk_by_leg: Products Uᵢ Lᵢ⁻¹ of all legs, stacked horizontally, (n, 6, 24).
         leg_inverse: Inverse Lᵢ⁻¹ of the block of each leg, (6, 6, 4, n).
 
     Returns:
@@ -318,16 +340,16 @@ def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Flo
 
 
 def _stack_legs(blocks: Floats) -> Floats:
-    """Stack the `blocks` of the four legs, (6, 6, 4, n), vertically into a contiguous array, (n, 24, 6)."""
+    """Stack the matrix `blocks` of the four legs, (6, 6, 4, n), vertically into one matrix per robot, (n, 24, 6)."""
     stacked = np.ascontiguousarray(blocks.transpose(3, 2, 0, 1))
     return stacked.reshape(len(stacked), 6 * _LEGS, 6)
 
 
 def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
-    """Reorder the 24 elements along an `axis` of the array `legs` into the order of `BlockLayout`.
+    """Reorder the 24 elements of the four legs along an `axis` of the array `legs` into the order of `BlockLayout`.
 
-    In `legs`, each leg has 3 joint elements followed by 3 impulse elements. In the result, all 12 joint elements come
-    before all 12 impulse elements.
+    In `legs`, the elements are ordered by leg: 3 joint speeds, then 3 impulse components of the foot. In the result,
+    the 12 joint speeds of all legs come before the 12 impulse components of all feet.
     """
     shape = legs.shape
     by_leg = legs.reshape(*shape[:axis], _LEGS, 2, 3, *shape[axis + 1 :])
@@ -335,18 +357,19 @@ def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
 
 
 def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats]:
-    """Invert the block L of each leg in the matrix of an implicit step.
+    """Invert the block L of each leg in the matrix of the linear system of an implicit step.
 
-    The unknowns of a leg are 3 joint speeds and 3 components of the foot impulse. With the Schur complement C, H is the
-    inertia of the joints with the servo damping, J the Jacobian of the foot, and ε the contact regularisation:
+    The unknowns of a leg are 3 joint speeds and 3 components of the foot impulse. H is the inertia matrix of the joints
+    plus the servo damping, J the Jacobian of the foot, ε the contact regularisation and C the Schur complement:
 
         L = [H  -Jᵀ]        C = J H⁻¹ Jᵀ + ε        L⁻¹ = [H⁻¹ - G J H⁻¹    G ]        G = H⁻¹ Jᵀ C⁻¹
             [J   ε ]                                      [-Gᵀ              C⁻¹]
 
     Args:
         bodies: Dynamics terms of n robots.
-        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
-        stance: True for feet in contact, (n, 4). The impulse of a foot in the air is zero.
+        damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
+            N·m·s.
+        stance: True for feet in contact with the ground, (n, 4). The impulse of a foot in the air is zero.
 
     Returns:
         leg_inverse: Inverse L⁻¹ of each leg, (6, 6, 4, n).
@@ -371,17 +394,18 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
 
 
 def _leg_blocks(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the blocks of the inertia matrix and the foot Jacobians that belong to each leg.
+    """Return the blocks of the inertia matrix and of the foot Jacobians that belong to each leg.
 
-    The robots are on the last axis of each block.
+    The last two axes of each array are the legs and the robots.
 
     Args:
         bodies: Dynamics terms of n robots.
-        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
-        stance: True for feet in contact, (n, 4).
+        damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
+            N·m·s.
+        stance: True for feet in contact with the ground, (n, 4).
 
     Returns:
-        joint_inertia: Inertia matrix of the joints of each leg plus `damping` on the diagonal, (3, 3, 4, n).
+        joint_inertia: Inertia matrix of the joints of each leg, with `damping` added to the diagonal, (3, 3, 4, n).
         foot_jacobian: Jacobian of the foot with respect to the leg's joints, zero for a foot in the air, (3, 3, 4, n).
         coupling: Block of the inertia matrix between trunk and joints, (6, 3, 4, n).
         foot_by_trunk: Jacobian of the foot with respect to the trunk, zero for a foot in the air, (3, 6, 4, n).

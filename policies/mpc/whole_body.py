@@ -1,12 +1,9 @@
-"""Whole-body controller: a quadratic program (QP) for the joint torques.
+"""Whole-body controller: a quadratic program (QP) for the joint torques that track planned forces and motions.
 
-The torques track planned contact forces and accelerations.
-
-The variables of the QP are the generalised acceleration and the contact forces of the stance feet.
-
-The cost penalises errors of the trunk's angular acceleration, errors of the foot accelerations, and deviations from the
-planned contact forces. The constraints are the equations of motion of the floating base (which has no motor), the
-friction pyramids, and the torque limits.
+The variables of the QP are the generalised acceleration and the contact forces of the stance feet. The cost penalises
+errors of the trunk's angular acceleration, errors of the foot accelerations, and deviations from the planned contact
+forces. The constraints are the equations of motion of the floating base (which has no motor), the friction pyramids of
+the stance feet, and the torque limits of the joints.
 """
 
 from collections.abc import Iterator
@@ -23,39 +20,45 @@ from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
 
 TRUNK_ROTATION = slice(3, 6)
-"""Slice of the trunk's angular velocity, or angular acceleration, in a generalised velocity or acceleration."""
+"""Slice of the trunk's angular part in a generalised velocity, rad/s, or generalised acceleration, rad/s²."""
 JOINT_ACCELERATION_WEIGHT = 1e-5
-"""Weight of the squared joint accelerations in the QP, s⁴/rad²; it keeps the Hessian positive definite."""
+"""Weight of the squared joint accelerations in the whole-body QP, s⁴/rad².
+
+It is small, and keeps the Hessian of the QP positive definite."""
 BASE_ACCELERATION_WEIGHT = 1e-6
-"""Weight of the squared trunk accelerations in the QP, s⁴/m² and s⁴/rad²; it keeps the Hessian positive definite."""
+"""Weight of the squared linear, s⁴/m², and angular, s⁴/rad², trunk acceleration in the whole-body QP.
+
+It is small, and keeps the Hessian of the QP positive definite."""
 _DAMPING = 1e-4
-"""Damping added to the squared Jacobian of a leg, m².
+"""Damping added to Jᵀ J of the foot Jacobian J of a leg when foot accelerations are converted to the joints, m²/rad².
 
 It keeps the joint accelerations finite, because a straight leg cannot accelerate its foot along itself."""
 
 
 class WholeBodyReference(NamedTuple):
-    """Reference accelerations and contact forces of n robots, which the whole-body controller tracks."""
+    """Reference accelerations and planned contact forces of n robots, which the whole-body controller tracks."""
 
     base_angular_acceleration: Floats
-    """Reference angular acceleration of the trunk, base frame, (n, 3), rad/s²."""
+    """Angular acceleration of the trunk that the whole-body controller tracks, base frame, (n, 3), rad/s²."""
     foot_acceleration: Floats
-    """Reference accelerations of the feet, level frame, (n, 4, 3), m/s²."""
+    """Accelerations of the feet that the whole-body controller tracks, level frame, (n, 4, 3), m/s²."""
     contact_force: Floats
-    """Planned ground reaction forces on the stance feet, level frame, (n, 4, 3), N."""
+    """Planned ground reaction forces on the feet, level frame, (n, 4, 3), N; only stance feet are used."""
     stance: Mask
-    """True for feet in stance, (n, 4)."""
+    """True for feet in stance, which carry the robot in the next control period, (n, 4)."""
 
 
 class Torques(NamedTuple):
-    """Joint torques of n robots, and the joint accelerations that the torques cause."""
+    """Planned joint torques of n robots, and the joint accelerations that these torques cause."""
 
     torque: Floats
-    """Planned joint torques, (n, 12), N·m."""
+    """Planned joint torques of n robots, (n, 12), N·m."""
     acceleration: Floats
-    """Joint accelerations that the planned torques cause, (n, 12), rad/s²."""
+    """Joint accelerations that the planned joint torques cause, (n, 12), rad/s²."""
     has_solution: Mask
-    """True for robots with a valid solution, (n,). If a QP has no solution, torque and acceleration are zero."""
+    """True for robots with valid joint torques, (n,).
+
+    It is False for a robot if its whole-body QP has no solution or its torques are not finite."""
 
 
 def solve_whole_body(
@@ -72,14 +75,15 @@ def solve_whole_body(
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
         p: Parameters with the weights of the cost.
         solver: Function that solves a batch of QPs.
 
     Returns:
-        Joint torques and joint accelerations.
+        Joint torques and joint accelerations; both are zero for a robot with a QP that has no solution.
     """
     count, size = bodies.bias_force.shape
     torque = np.zeros((count, size - 6))
@@ -103,25 +107,26 @@ def make_programs(
     limits: tuple[Floats, Floats],
     p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-    """Yield the whole-body QPs of n robots, in batches of robots with the same number of stance feet.
+    """Yield the whole-body QPs of n robots, in batches of robots with equal numbers of stance feet.
 
-    The variables are the generalised acceleration q̈ and the contact forces f of the stance feet.
+    The variables of a QP are the generalised acceleration q̈ and the contact forces f of the stance feet.
 
     The cost is the weighted sum of the squared errors of the foot accelerations J q̈ + J̇ q̇, of the trunk's angular
     acceleration, and of the contact forces f. The constraints are the equations of motion M q̈ + h - w - Jᵀ f = (0, τ)
-    with the torques τ within their limits, and the friction pyramid of each foot. M is the inertia matrix, h the bias
-    force and J the Jacobian of the feet.
+    with the joint torques τ within their limits, and the friction pyramid of each stance foot. M is the inertia matrix,
+    h the bias force, w the external wrench and J the Jacobian of the feet.
 
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench w on the trunks, (n, 6), N and N·m.
+        wrench: External wrench w on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
         p: Parameters with the weights of the cost.
 
     Yields:
-        Indices of g robots, (g,), and their QPs.
+        Indices of the g robots of a batch, (g,), and the QPs of these robots.
     """
     foot_cost = _foot_tracking_cost(bodies, reference, p)
     lower, upper = _torque_bounds(bodies, wrench, limits)
@@ -144,10 +149,11 @@ def make_programs(
 
 
 def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p: MpcParameters) -> Floats:
-    """Return the part of the QP's cost that penalises errors of the foot accelerations, (n, 18, 19).
+    """Return the part of the whole-body QP's cost that penalises errors of the foot accelerations, (n, 18, 19).
 
-    The first 18 columns are the Hessian Jᵀ W J, and the last one is the negative gradient Jᵀ W (a - J̇ q̇). J is the
-    Jacobian of the feet, a the reference of their accelerations and W the weights.
+    The first 18 columns are the Hessian Jᵀ W J, and the last column is the negative gradient Jᵀ W (a - J̇ q̇). J is the
+    Jacobian of the feet, a their reference acceleration, q̇ the generalised velocity and W the diagonal matrix of the
+    weights.
     """
     count, size = bodies.bias_force.shape
     jacobian = bodies.jacobians.reshape(count, -1, size)
@@ -160,10 +166,11 @@ def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p:
 
 
 def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return the lower and upper bounds of M q̈ - Jᵀ f, (n, 18) each, N and N·m.
+    """Return the lower and upper bounds of M q̈ - Jᵀ f in the whole-body QP, (n, 18) each, N and N·m.
 
-    The first 6 rows are the floating base, which has no motor: both bounds are the external wrench minus the bias force
-    h. The 12 rows of the joints are the torque limits minus h.
+    M is the inertia matrix, q̈ the generalised acceleration, J the Jacobian of the feet and f the contact forces. The
+    first 6 rows belong to the floating base, which has no motor: both bounds are the external wrench minus the bias
+    force. In the 12 rows of the joints, the bounds are the torque limits minus the bias force.
     """
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
@@ -177,18 +184,20 @@ def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, 
 def _cost(
     reference: WholeBodyReference, foot_cost: Floats, selection: EnvSelection, group: int, p: MpcParameters
 ) -> tuple[Floats, Floats]:
-    """Return Hessian, (g, k, k), and gradient, (g, k), of the whole-body QPs of g robots.
+    """Return Hessian and gradient of the cost of the whole-body QPs of g selected robots.
+
+    A QP has k variables: the 18 generalised accelerations and the force components of the stance feet.
 
     Args:
-        reference: Accelerations and contact forces to track, of n robots.
-        foot_cost: Cost of the foot accelerations from `_foot_tracking_cost`, (n, 18, 19).
+        reference: Accelerations and contact forces to track, for all n robots.
+        foot_cost: Cost of the foot accelerations of all n robots from `_foot_tracking_cost`, (n, 18, 19).
         selection: Indices or slice of the g robots.
-        group: Number g of robots.
+        group: Number g of selected robots.
         p: Parameters with the weights of the cost.
 
     Returns:
         hessian: Hessian with respect to the k variables, (g, k, k).
-        gradient: Gradient at zero, (g, k).
+        gradient: Gradient at the point where all variables are zero, (g, k).
     """
     size = foot_cost.shape[1]
     stance = reference.stance[selection]
@@ -214,13 +223,14 @@ def _constraints(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the constraint matrix of the whole-body QPs of g robots, and the bounds of its friction rows.
 
-    The first 18 rows of the matrix give M q̈ - Jᵀ f: generalised force minus bias force. The other rows are the friction
-    constraints of the k contact-force components.
+    The variables are the generalised acceleration q̈ and the k force components f of the stance feet. The first 18 rows
+    of the matrix give M q̈ - Jᵀ f, with the inertia matrix M and the Jacobian J of the feet. The other rows are the
+    friction constraints of the contact forces.
 
     Args:
-        bodies: Dynamics terms of n robots.
-        stance: True for stance feet, (n, 4); the g robots have the same number of them.
-        friction: Bounds of the contact forces of n robots.
+        bodies: Dynamics terms of all n robots.
+        stance: True for stance feet of all n robots, (n, 4). The g selected robots have equal numbers of stance feet.
+        friction: Bounds of the contact forces of all n robots.
         selection: Indices or slice of the g robots.
 
     Returns:
@@ -244,20 +254,21 @@ def leg_torques(
 ) -> Torques:
     """Compute the joint torques of each leg separately, from its contact force and foot acceleration.
 
-    `Mpc` uses this function instead of the whole-body QP. The torques are the joint rows of τ = M q̈ + h - Jᵀ f, with
-    the inertia matrix M, the bias force h, the Jacobian J of the feet and the planned forces f. The trunk part of q̈
-    follows from the planned forces, and the joint part from the foot accelerations. The reaction of the trunk to the
-    motion of the legs is neglected. The planned forces must be within the friction pyramid, because the function does
-    not check them.
+    The policy `Mpc` uses this function instead of the whole-body QP. The torques are the joint rows of
+    τ = M q̈ + h - Jᵀ f. M is the inertia matrix, h the bias force, J the Jacobian of the feet and f the planned contact
+    forces. The trunk part of the generalised acceleration q̈ follows from the planned forces and the external wrench,
+    and the joint part from the foot accelerations. The reaction of the trunk to the motion of the legs is neglected.
+    The planned forces must be within the friction pyramid, because the function does not check them.
 
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
+            frame, N·m.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m; the torques are clipped to them.
 
     Returns:
-        Joint torques and joint accelerations.
+        Joint torques and joint accelerations; `has_solution` is False for robots with torques that are not finite.
     """
     forces = np.where(reference.stance[..., None], reference.contact_force, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
@@ -272,10 +283,11 @@ def leg_torques(
 
 
 def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
-    """Return the joint accelerations for foot accelerations by damped least squares, (n, 12), rad/s².
+    """Return the joint accelerations that give the feet planned accelerations, (n, 12), rad/s².
 
-    `foot_acceleration`: accelerations of the feet, level frame, (n, 4, 3), m/s²; `trunk_acceleration`: linear, level
-    frame, m/s², then angular, base frame, rad/s², (n, 6).
+    The solution is by damped least squares. `foot_acceleration`: planned accelerations of the feet, level frame, (n, 4,
+    3), m/s²; `trunk_acceleration`: acceleration of the trunk, (n, 6): linear, level frame, m/s², then angular, base
+    frame, rad/s².
     """
     trunk_part = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
     jacobian = bodies.leg_jacobians
