@@ -1,10 +1,11 @@
-"""Networks of external policies, ONNX or TorchScript: file kinds, loading, and recurrent states.
+"""Networks of external policies, ONNX or TorchScript: file kinds, loading, calls and recurrent states.
 
-Here the memory of a network is its recurrent state. The network computes one robot's action per call, because a matrix
-product of several rows rounds each row differently, by 1e-7. The previous actions in the observation would amplify this
-difference. With one row per call, a robot's actions have the same bits in every batch and in the policy's own project.
+The recurrent state of a network is also called its memory. A network computes the action of one robot per call, because
+a matrix product of several rows has other rounding errors in each row, of about 1e-7. The previous actions in the
+observation would amplify this difference. With one row per call, the actions of a robot have the same bits for every
+number of robots, and the same bits as in the project that trained the policy.
 
-Kinds of files:
+Kinds of network files:
 - TorchScript files (`torch.jit.save`) are zip archives with `constants.pkl`.
 - Checkpoints (`torch.save`) are zip archives without `constants.pkl`; older checkpoints are pickles.
 - Models of Stable-Baselines3 are zip archives with `policy.pth`.
@@ -34,24 +35,27 @@ from quad_env.files.text import format_exception
 Weights = NDArray[np.float32]
 NetworkKind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
 MAX_REASON = 300
-"""Maximum number of characters that an error quotes from a library's message."""
+"""Maximum number of characters that an error quotes from the message of PyTorch or ONNX runtime."""
 TORCHSCRIPT_SUFFIXES = ".pt", ".jit"
-"""Suffixes of files that are read as TorchScript if their content does not identify their kind."""
+"""Suffixes of files that are read as TorchScript if their content identifies no other kind."""
 IR_VERSION_TAG = b"\x08"
-"""First byte of ONNX files: the tag of `ModelProto.ir_version`."""
+"""First byte of ONNX files: the protobuf tag of the field `ModelProto.ir_version`."""
 _LEARNERS = {
     b"actor_state_dict": "rsl_rl",
     b"model_state_dict": "rsl_rl",
     b"running_mean_std": "rl_games",
     b"state_preprocessor": "skrl",
 }
-"""Key in a checkpoint -> learning library that writes it."""
+"""Key in a checkpoint -> name of the learning library that writes checkpoints with this key."""
 _SCANNED_BYTES = 2**20
-"""Size of the part of a checkpoint's pickle that is searched for the keys of `_LEARNERS`, bytes."""
+"""Number of bytes at the start of a checkpoint's pickle that are searched for the keys of `_LEARNERS`."""
 
 
 def detect_kind(file: Path) -> NetworkKind:
-    """Return the kind of a network's file; `onnx` if no mark of another kind is found. Raises OSError."""
+    """Return the kind of a network file, detected by its first bytes and by the members of a zip archive.
+
+    The kind is `onnx` if the content fits no other kind. Raises OSError if the file cannot be read.
+    """
     with file.open("rb") as stream:
         start = stream.read(4)
     if start[:1] == b"\x80" and start[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
@@ -71,7 +75,7 @@ def detect_kind(file: Path) -> NetworkKind:
 
 
 def is_onnx(file: Path) -> bool:
-    """Return True if a network's file is read as ONNX, or cannot be read."""
+    """Return True if the kind of a network file is `onnx` (`detect_kind`), or if the file cannot be read."""
     try:
         return detect_kind(file) == "onnx"
     except OSError:
@@ -79,7 +83,7 @@ def is_onnx(file: Path) -> bool:
 
 
 def check_is_network(file: Path) -> None:
-    """Raise PolicyError, which names the kind of the file, unless the file is ONNX or TorchScript."""
+    """Raise PolicyError, with the kind of the file, if a network file is neither ONNX nor TorchScript."""
     try:
         kind = detect_kind(file)
     except OSError as error:
@@ -99,9 +103,10 @@ def check_is_network(file: Path) -> None:
 
 
 def _learner_of(file: Path) -> str:
-    """Return " of NAME" with the learning library that wrote a checkpoint; an empty text if it is unknown.
+    """Return the text ` of NAME` with the learning library that wrote a checkpoint, for an error.
 
-    The file is searched for known keys and is not unpickled, so that none of its code runs.
+    The text is empty if the library is unknown. The file is searched for the keys of `_LEARNERS` and is not unpickled,
+    because unpickling can run hidden code.
     """
     try:
         with zipfile.ZipFile(file) as archive:
@@ -115,11 +120,14 @@ def _learner_of(file: Path) -> str:
 
 
 class BatchedNetwork(PerRobotState):
-    """Network for n robots, with one recurrent state per robot; `load_network` makes it.
+    """Network of an external policy for n robots, with one recurrent state per robot.
+
+    `load_network` makes it from a specification.
 
     Args:
-        make: Makes a function from one observation to one action, with an initial recurrent state.
-        has_memory: True for a recurrent network; then each robot has its own function.
+        make: Function without arguments. It returns a function from one observation to one action, with an initial
+            recurrent state.
+        has_memory: True for a recurrent network; then each robot has its own function. Otherwise all robots share one.
     """
 
     def __init__(self, make: Callable[[], ActFunction], has_memory: bool) -> None:
@@ -128,40 +136,39 @@ class BatchedNetwork(PerRobotState):
         self.reset(1)
 
     def reset(self, num_envs: int) -> None:
-        """Allocate and reset the recurrent states of `num_envs` robots."""
+        """Set the number of robots to `num_envs`, and start each robot with an initial recurrent state."""
         self._acts = [self._make() for _ in range(num_envs)] if self.has_memory else [self._make()] * num_envs
 
     def reset_where(self, mask: Mask) -> None:
-        """Reset the recurrent states of the robots for which `mask`, (n,), is True."""
+        """Reset the recurrent states of the robots for which `mask`, (n,) bool, is True."""
         for robot in np.flatnonzero(mask).tolist() if self.has_memory else ():
             self._acts[robot] = self._make()
 
     def compute_actions(self, observations: Weights, env_ids: EnvIndices) -> NDArray[Any]:
-        """Return the actions of some robots.
+        """Call the network for m robots, one call per robot, and update their recurrent states.
 
         Args:
-            observations: Policy observations of the robots in `env_ids`, (m, width).
-            env_ids: Indices of the robots, (m,).
+            observations: Observations of the robots in the form of the policy, (m, width).
+            env_ids: Indices of the robots in the batch, (m,).
 
         Returns:
-            Actions of the network, (m, 12).
+            Raw outputs of the network, in the policy's joint order, (m, 12).
         """
         pairs = zip(observations, env_ids.tolist(), strict=True)
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
 
 
 def load_network(spec: PolicySpec) -> BatchedNetwork:
-    """Load the network of a specification.
+    """Load the network that the specification of an external policy names, and test it.
 
-    The network is called three times, to check it and to detect a recurrent state.
-
+    The network is called three times with the same random observation. It counts as recurrent if the actions differ.
     Loading a TorchScript network restricts PyTorch to one thread in this process.
 
     Args:
-        spec: Specification of the policy.
+        spec: Specification of the policy, with the path of the network's file.
 
     Returns:
-        Network, allocated for one robot.
+        Network for one robot; its method `reset` sets another number of robots.
 
     Raises:
         PolicyError: The file is not a network, or the network's inputs or outputs contradict the specification.
@@ -181,7 +188,10 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
 
 
 def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
-    """Raise PolicyError for a failed call; it gives the expected width if the library's message has it."""
+    """Raise the PolicyError for a network call that failed with the exception `error`.
+
+    The PolicyError states the observation width that the network expects, if the message of `error` contains it.
+    """
     if match := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         raise _width_error(spec, int(next(filter(None, match.groups())))) from None
     reason = format_exception(error).rpartition("RuntimeError: ")[2]
@@ -189,7 +199,10 @@ def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
 
 
 def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
-    """Return the error for a network that expects `expected` numbers per observation."""
+    """Return the error for a network that expects `expected` numbers per observation, not `spec.width`.
+
+    The error lists the observation terms of the specification with their widths.
+    """
     parts = []
     for term in spec.terms:
         history = f" x {term.history}" if term.history > 1 else ""
@@ -199,7 +212,11 @@ def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
 
 
 def _load_onnx(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """Return the factory of an ONNX network, and True if the network is recurrent."""
+    """Return the factory of an ONNX network's functions, and True if the network is recurrent.
+
+    The factory has no arguments. It returns a function from one observation to one action. Raises PolicyError if the
+    width of the network's input differs from the specification.
+    """
     session = open_session(spec.network)
     factory = make_network_factory(session, spec.network)
     width = find_roles(session.get_inputs(), session.get_outputs(), spec.network).observation.shape[-1]
@@ -209,9 +226,10 @@ def _load_onnx(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
 
 
 def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """Return the factory of a TorchScript network, and True if the network is recurrent.
+    """Return the factory of a TorchScript network's functions, and True if the network is recurrent.
 
-    A network counts as recurrent if it has a method `reset`.
+    The factory has no arguments. It returns a function from one observation to one action, which calls its own copy of
+    the network. A network counts as recurrent if it has a method `reset`. Raises PolicyError if the file is invalid.
     """
     file = spec.network
     check_is_network(file)
@@ -230,8 +248,8 @@ def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool
         network = copy.deepcopy(module)
 
         def act(row: Weights) -> Any:
-            # The row is copied because the bits of the result depend on the memory address of the row.
-            # Optimisation is off because the optimised calls would give other bits than the first calls.
+            # The observation is copied because the bits of the result depend on its memory address.
+            # Optimisation is off because PyTorch optimises later calls, which would change the bits of their results.
             with torch.inference_mode(), torch.jit.optimized_execution(False):
                 output = network(torch.from_numpy(row[None]).to(dtype, copy=True))
             return (output[0] if isinstance(output, tuple | list) else output).numpy()

@@ -1,6 +1,8 @@
-"""ONNX networks: session of the runtime, roles of inputs and outputs, and metadata of the file.
+"""Networks in ONNX files: session of ONNX runtime, roles of inputs and outputs, metadata of the file.
 
-An input is the observation or a memory (recurrent state). An output is the action or the update of a memory.
+An input of a network is the observation or a recurrent state (memory). An output is the action or the new value of a
+recurrent state, which is called its update.
+
 Sources for the names of inputs and outputs: rsl_rl `utils/exporter.py` and Isaac Lab `isaaclab_rl/rsl_rl/exporter.py`
 (`obs`, `h_in`, `c_in` -> `actions`, `h_out`, `c_out`); rl_games' exporters (`obs`, `states` -> `mu`, `log_std`,
 `value`, `out_state_*`).
@@ -22,15 +24,24 @@ from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.text import brief, format_exception
 
 INPUT_TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
-"""Number type of a supported network input, as onnxruntime names it -> NumPy type."""
+"""Number type of a network input, as named by ONNX runtime -> NumPy type.
+
+Other number types are not supported.
+"""
 ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
-"""Groups of names of the action output; the first group with exactly one matching output decides."""
+"""Groups of usual names of a network's action output, in lower case, in the order of preference.
+
+The first group with exactly one name of an output determines the action.
+"""
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
-"""Names of the observation input, used if a network has several inputs."""
+"""Usual names, in lower case, of the observation; they are used if a network has several inputs."""
 RESIDUAL_METADATA = "simple_quad_policy"
-"""Metadata key under which the file of a residual policy holds the `policy.json` of its bundle."""
+"""Metadata key for the `policy.json` of the bundle, in the ONNX file of a residual policy."""
 MAX_METADATA = 20_000
-"""Maximum number of characters of a metadata entry; the entry RESIDUAL_METADATA has no limit."""
+"""Maximum number of characters of a value in the metadata of an ONNX file.
+
+The value under the key RESIDUAL_METADATA has no limit.
+"""
 _DIRECTION_WORDS = frozenset(
     (
         "in",
@@ -48,29 +59,35 @@ _DIRECTION_WORDS = frozenset(
         "updated",
     )
 )
-"""Words in names that distinguish a memory (recurrent state) from its update."""
+"""Words that distinguish the name of an input (recurrent state) from the name of its output (update)."""
 _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
-"""Pattern of names such as `h0` (recurrent state) and `hn` (update); the group is the common part."""
+"""Pattern of names such as `h0` (input: recurrent state) and `hn` (output: its update).
+
+The group of the pattern matches the common part of the names, here `h`.
+"""
 _RANDOM_OPERATORS = frozenset(
     ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
 )
-"""ONNX operators with random outputs."""
+"""ONNX operators with random outputs; networks with these operators are rejected."""
 
 
 @dataclass(frozen=True)
 class NetworkRoles:
-    """Inputs and outputs of a network by role, as objects of onnxruntime with `name`, `shape` and `type`."""
+    """Inputs and outputs of an ONNX network by role.
+
+    Each input or output is an object of ONNX runtime with the attributes `name`, `shape` and `type`.
+    """
 
     observation: Any
-    """Input of the observation."""
+    """Network input that receives the observation."""
     action: Any
-    """Output of the action."""
+    """Network output with the action."""
     memory: tuple[tuple[Any, Any], ...]
-    """Pairs: input of a recurrent state, and the output that updates it."""
+    """Pairs for the recurrent states: network input, and network output with the next value of the state."""
 
 
 def open_session(file: Path) -> Any:
-    """Return a single-threaded onnxruntime session of a file.
+    """Return a session of ONNX runtime that computes the network in a file, with a single thread.
 
     Raises PolicyError, one line, if the file is invalid.
     """
@@ -85,14 +102,14 @@ def open_session(file: Path) -> Any:
 
 
 def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunction], bool]:
-    """Return a factory of functions that call the network with one observation and return one action.
+    """Return a factory of functions that call an ONNX network with one observation and return one action.
 
     Args:
-        session: Session of the file.
-        file: File of the network, for errors.
+        session: Session of ONNX runtime, from `open_session`.
+        file: Path of the network, named in errors.
 
     Returns:
-        factory: Makes a function with an initial recurrent state.
+        factory: Function without arguments that returns a function with an initial recurrent state.
         has_memory: True for a recurrent network.
 
     Raises:
@@ -126,7 +143,7 @@ def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunc
 
 
 def _check_inputs(roles: NetworkRoles, file: Path) -> None:
-    """Raise PolicyError if an input has an unsupported type or the observation an unsupported shape."""
+    """Raise PolicyError if a network input has an unsupported type, or the observation a wrong shape."""
     shape = roles.observation.shape
     inputs = (roles.observation, *(state for state, _ in roles.memory))
     other = next((each.type for each in inputs if each.type not in INPUT_TYPES), None)
@@ -138,15 +155,17 @@ def _check_inputs(roles: NetworkRoles, file: Path) -> None:
 
 
 def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> NetworkRoles:
-    """Assign roles to a network's inputs and outputs, first by their names, then by their shapes.
+    """Find the observation, the action and the recurrent states among a network's inputs and outputs.
+
+    The search uses first the names and then the shapes of the inputs and outputs.
 
     Args:
-        inputs: Inputs of the network, with `name` and `shape`.
-        outputs: Outputs of the network, with `name` and `shape`.
-        file: File of the network, for errors.
+        inputs: Inputs of the network, objects of ONNX runtime with `name` and `shape`.
+        outputs: Outputs of the network, objects of ONNX runtime with `name` and `shape`.
+        file: Path of the network, named in errors.
 
     Returns:
-        Roles of the inputs and outputs.
+        Inputs and outputs by role.
 
     Raises:
         PolicyError: The role of an input or output follows from neither its name nor its shape.
@@ -168,9 +187,10 @@ def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Net
 
 
 def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
-    """Return the input of the observation.
+    """Return the network input that receives the observation.
 
-    It is the input with a name in OBSERVATIONS, else the only input without an update by name, else the first input.
+    If exactly one input has a name in OBSERVATIONS, this input is returned. Otherwise, the only input is returned for
+    which no output has the name of an update. If there are several of them, or none, the first input is returned.
     """
     named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
     if len(named) == 1:
@@ -180,9 +200,9 @@ def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
 
 
 def _find_action(outputs: Sequence[Any], file: Path) -> Any:
-    """Return the output of the action, found by a name in ACTIONS, or else by its width of 12.
+    """Return the network output with the action, found by a name in ACTIONS, or else by its width of 12.
 
-    Raises PolicyError if no output or several outputs match.
+    Raises PolicyError if no output matches, or if several outputs match.
     """
     for group in ACTIONS:
         named = [each for each in outputs if each.name.lower() in group]
@@ -197,9 +217,10 @@ def _find_action(outputs: Sequence[Any], file: Path) -> Any:
 
 
 def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:
-    """Return the only output with the name of a recurrent state; words such as `in` and `out` are ignored.
+    """Return the network output that updates a recurrent state, found by its name, or None.
 
-    Returns None if no output or several outputs match, or if several inputs have this name.
+    The output must have the name and the shape of the input `state`. Words such as `in` and `out` in the names are
+    ignored. Returns None if no output or several outputs match, or if several inputs have this name.
     """
     if sum(_stem(each.name) == _stem(state.name) for each in inputs) > 1:
         return None
@@ -208,9 +229,10 @@ def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[An
 
 
 def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any], file: Path) -> Any:
-    """Return the only output in `free` with the shape of a recurrent state.
+    """Return the network output that updates a recurrent state, found by its shape.
 
-    Raises PolicyError if no output or several outputs match, or if another recurrent state has this shape.
+    It is the only output in `free`, the outputs that have no role yet, with the shape of the input `state`. Raises
+    PolicyError if no output or several outputs match, or if another recurrent state in `states` has this shape.
     """
     candidates = [each for each in free if _has_same_shape(state, each)]
     rivals = [each for each in states if each is not state and _has_same_shape(each, state)]
@@ -225,14 +247,20 @@ def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any]
 
 
 def _stem(name: str) -> str:
-    """Return a name in lower case, without the words that distinguish a recurrent state from its update."""
+    """Return the part that the names of a recurrent state and its update have in common, in lower case.
+
+    For example, the result is `h` for `h_in`, `h_out`, `h0` and `hn`.
+    """
     words = [word for word in re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()) if word]
     stem = "_".join(word for word in words if word not in _DIRECTION_WORDS) or name.lower()
     return match[1] if (match := _STEP.fullmatch(stem)) and len(match[1]) <= 2 else stem
 
 
 def _has_same_shape(state: Any, output: Any) -> bool:
-    """Return True if two shapes have the same length, and equal sizes wherever both sizes are known."""
+    """Return True if the shapes of a network input `state` and a network `output` can be equal.
+
+    The number of dimensions must be the same. Sizes that are not numbers are unknown and fit every size.
+    """
     if len(state.shape) != len(output.shape):
         return False
     pairs = zip(state.shape, output.shape, strict=True)
@@ -240,13 +268,13 @@ def _has_same_shape(state: Any, output: Any) -> bool:
 
 
 def read_metadata(file: Path) -> dict[str, str]:
-    """Return the metadata of an ONNX file, and check that the file is complete and deterministic.
+    """Read the metadata of an ONNX file, and check that its network is complete and deterministic.
 
     Args:
-        file: ONNX file.
+        file: Path of the ONNX file.
 
     Returns:
-        Key of the metadata -> text.
+        Key of the metadata -> text under this key.
 
     Raises:
         PolicyError: The file cannot be read, its weights are in another file, its metadata is invalid, or its network
@@ -266,7 +294,7 @@ def read_metadata(file: Path) -> dict[str, str]:
             f"{file.name} draws random numbers, by the operator {random}", "export the mean of the actions"
         )
     for key, value in metadata.items():
-        if not isinstance(key, str) or not isinstance(value, str):  # the parser gives invalid UTF-8 as bytes
+        if not isinstance(key, str) or not isinstance(value, str):  # The parser returns invalid UTF-8 as bytes.
             raise PolicyError(f"{file.name} has metadata at {brief(key)} that is not UTF-8")
         if len(value) > MAX_METADATA and key != RESIDUAL_METADATA:
             length = f"metadata of {len(value)} characters at {brief(key)}, at most {MAX_METADATA}"
@@ -278,7 +306,7 @@ def read_metadata(file: Path) -> dict[str, str]:
 
 
 def _nodes(model: Any) -> Iterator[Any]:
-    """Yield all nodes of a model, including nodes in loops, branches and functions."""
+    """Yield all nodes (operators) of an ONNX model, including the nodes in loops, branches and functions."""
     waiting = [model.graph, *model.functions]
     while waiting:
         for node in waiting.pop().node:
@@ -289,7 +317,10 @@ def _nodes(model: Any) -> Iterator[Any]:
 
 
 def _has_external_data(message: Any) -> bool:
-    """Return True if a part of a model is stored in another file (`TensorProto.external_data`)."""
+    """Return True if a protobuf message of an ONNX model refers to data in another file.
+
+    The reference is `TensorProto.external_data` or a `data_location` of 1. All nested messages are searched.
+    """
     for field, value in message.ListFields():
         if field.name == "external_data" or (field.name == "data_location" and value == 1):
             return True

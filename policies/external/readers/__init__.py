@@ -1,4 +1,7 @@
-"""Readers of policy specifications in files of other projects, and in this project's own TOML format."""
+"""Readers of policy specifications (`PolicySpec`) in other projects' files and this project's TOML.
+
+A specification defines the joints, servo gains, actions and observation terms of an external policy.
+"""
 
 from policies.external.readers.detect import check_network_matches, read
 from policies.external.readers.drafts import IncompleteSpecError, write_draft

@@ -1,4 +1,7 @@
-"""Detection of the format of a specification file, by the suffix and the keys of the file."""
+"""Reading of a policy's specification from a file of any supported format.
+
+The format is detected by the suffix and the top-level keys of the file.
+"""
 
 from pathlib import Path
 
@@ -21,18 +24,19 @@ from quad_env.files.text import one_line
 
 
 def read(path: Path) -> PolicySpec | None:
-    """Read the specification of a policy from a file and the files next to it.
+    """Read the specification of an external policy from a file and from the files next to it.
 
-    No code in the files is run.
+    The files may contain code, which is not run.
 
     Args:
-        path: File with any suffix.
+        path: Path of the file, with any suffix.
 
     Returns:
-        The specification; None if an ONNX file has no specification, or if the file has an unsupported suffix.
+        Specification of the policy; None if the file is an ONNX file that contains no specification, or if its suffix
+        is not supported.
 
     Raises:
-        IncompleteSpecError: The format of the file is known, but fields are missing.
+        IncompleteSpecError: The format of the file is known, but the file lacks fields of the specification.
         PolicyError: The file has another fault; the message is one line that names the file.
     """
     try:
@@ -53,17 +57,20 @@ def read(path: Path) -> PolicySpec | None:
 
 
 def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySpec:
-    """Check that the network's file is complete and its joint names agree with the specification.
+    """Check that an ONNX network is complete, and that its joint names agree with the specification.
+
+    The check does nothing for TorchScript networks.
 
     Args:
-        spec: The specification.
-        corrected: True if a user wrote the specification; its joint names may then differ from the network's.
+        spec: Specification of the policy.
+        corrected: True if a user wrote the specification; then its joint names may differ from the names in the
+            metadata of the network.
 
     Returns:
         The same specification.
 
     Raises:
-        PolicyError: The network's weights are in another file, or the joint names differ.
+        PolicyError: The weights of the network are in another file, or the joint names differ.
     """
     if is_onnx(spec.network):
         names = read_metadata(spec.network).get("joint_names")
@@ -73,9 +80,9 @@ def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySp
 
 
 def _parse_by_keys(settings: FileSettings) -> PolicySpec:
-    """Parse the settings with the reader of the project that uses their keys.
+    """Parse the settings of a YAML or JSON file with the reader of the project that uses the file's keys.
 
-    Raises PolicyError if the keys are unknown.
+    Raises PolicyError if no project uses these top-level keys.
     """
     keys = set(settings.values)
     if "joint_ids_map" in keys:

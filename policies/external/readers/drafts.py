@@ -1,4 +1,7 @@
-"""Drafts of incomplete specifications: TOML with comments in place of the missing fields."""
+"""Drafts of specifications: TOML files with the known fields, and comments for the missing fields.
+
+A user completes a draft if the files of an external policy do not contain its complete specification.
+"""
 
 import os
 from pathlib import Path
@@ -18,20 +21,20 @@ EXAMPLES = {
     "terms": '["linear_velocity", "angular_velocity", "projected_gravity", "command", "joint_position", '
     '"joint_velocity", "previous_action"]',
 }
-"""Name of each required field of a specification -> example of its value as TOML."""
+"""Required field of a specification -> example of its value in TOML, for the comments in a draft."""
 WRITE_DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
 HEADER = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
 
 
 class IncompleteSpecError(PolicyError):
-    """Raised if the format of a file is known but the file lacks fields of the specification.
+    """Raised if the format of a file is known but the file lacks required fields of the specification.
 
     Args:
-        kind: Kind of the file, a noun phrase.
-        known: Known fields of the `PolicySpec`: name -> value.
-        advice: Facts about the missing fields, one line each.
-        fault: Error text; empty: the text gives the kind and the missing fields.
-        remedy: Remedy; empty: the remedy is to write a draft.
+        kind: Kind of the file as a noun phrase, such as `a network`.
+        known: Known fields of the `PolicySpec`: field name -> value.
+        advice: Facts that help a user to write the missing fields, one line each.
+        fault: Error text; empty: the text gives the kind of the file and the names of the missing fields.
+        remedy: Text of the remedy; empty: the remedy proposes to write a draft (`write_draft`) and to complete it.
     """
 
     def __init__(
@@ -50,23 +53,26 @@ class IncompleteSpecError(PolicyError):
         super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or WRITE_DRAFT)
 
     def arguments_at(self, path: Path) -> tuple[str, dict[str, Any], tuple[str, ...], str, str]:
-        """Return the constructor arguments of the same error, with the path of the file in fault and remedy."""
+        """Return the constructor arguments of this error, with the path of the file in the texts.
+
+        The error text starts with the path, and the word `FILE` in the remedy is replaced by the path.
+        """
         remedy = self.remedy.replace("FILE", str(path))
         return self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the class and its arguments for pickle, because a subprocess sends this error."""
+        """Return the class and its constructor arguments for pickle, because a subprocess sends this error."""
         return IncompleteSpecError, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
 def write_draft(incomplete: IncompleteSpecError, file: Path) -> None:
-    """Write the known fields as TOML, and a comment with an example for each missing field.
+    """Write a draft of a specification: known fields as TOML, missing fields as comments with examples.
 
     The path of the network is written relative to the folder of `file`.
 
     Args:
-        incomplete: Error with the known fields and the advice.
-        file: TOML file to write.
+        incomplete: Error with the known fields of the specification and the advice for the missing ones.
+        file: Path of the TOML file that is written.
     """
     lines = [HEADER]
     lines += [f"# {advice}" for advice in incomplete.advice]

@@ -1,11 +1,12 @@
-"""Reader of flat settings of deployment scripts.
+"""Reader of deployment scripts' flat settings: YAML files with a policy's settings as top-level keys.
 
-Gains, default position and scales are top-level keys of a YAML file.
+The settings are for example servo gains, default position and scales. Most of these files lack the observation terms,
+so that their specification is incomplete.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
 `default_angles`, `simulation_dt`, `control_decimation`). In unitree_rl_gym, the joints are in the order of the model
-file, and `deploy_mujoco.py` computes the observation. Scripts derived from fan-ziqi/rl_sar use the keys of rl_sar's
-`config.yaml`.
+file, and the observation is defined in the code of `deploy_mujoco.py`. Scripts derived from fan-ziqi/rl_sar use the
+keys of rl_sar's `config.yaml`.
 """
 
 import os
@@ -25,34 +26,42 @@ KEYS = {
     "default_position": ("default_dof_pos", "default_angles", "default_joint_pos", "default_joint_angles"),
     "action_scale": ("action_scale",),
 }
-"""Field of the specification with one value per joint -> keys of this field in flat settings."""
+"""Name of a field of `PolicySpec` -> keys under which deployment scripts store this field.
+
+The first key that a file contains is used.
+"""
 _NETWORK_KEYS = "policy_path", "model_name", "policy_name", "model_path", "onnx_path", "policy"
 _PERIOD_KEYS = ("simulation_dt", "control_decimation"), ("dt", "decimation"), ("sim_dt", "decimation")
-"""Pairs of keys: the simulation time step, s, and the number of time steps per control step."""
+"""Pairs of keys for the control period: simulation time step, s, and time steps per control step."""
 _SCALE_KEYS = "lin_vel_scale", "ang_vel_scale", "cmd_scale", "commands_scale", "dof_pos_scale", "dof_vel_scale"
 _BLIND = "angular_velocity, projected_gravity, command, joint_position, joint_velocity, previous_action"
 _TERMS_BY_WIDTH = {45: _BLIND, 47: f"{_BLIND}, gait_clock", 48: f"linear_velocity, {_BLIND}"}
-"""Width of the observation in unitree_rl_gym's scripts -> likely terms, for twelve joints."""
+"""Number of observed values in the scripts of unitree_rl_gym -> likely observation terms.
+
+The numbers are for robots with twelve joints.
+"""
 
 
 def is_flat(settings: FileSettings) -> bool:
-    """Return True if gains and default position are top-level keys of the settings."""
+    """Return True if a file has flat settings: servo gains and default position are top-level keys."""
     required = KEYS["stiffness"], KEYS["damping"], KEYS["default_position"]
     return all(any(settings.find(key) is not None for key in keys) for keys in required)
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse flat settings with rl_sar's keys; settings with other keys are always incomplete.
+    """Parse a policy's specification from flat settings, if the settings have the keys of rl_sar.
+
+    Settings with other keys never contain the observation terms. For them, IncompleteSpecError is always raised.
 
     Args:
-        settings: Flat settings.
+        settings: Flat settings of a YAML file.
 
     Returns:
         Specification of the policy.
 
     Raises:
-        IncompleteSpecError: The settings lack fields.
-        PolicyError: A setting is wrong.
+        IncompleteSpecError: The settings lack fields of the specification.
+        PolicyError: The value of a setting is wrong.
     """
     if settings.find("observations") is not None and settings.find("model_name") is not None:
         robot_section = FileSettings({settings.file.stem: settings.values}, settings.file)
@@ -68,16 +77,16 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def parse_robot_section(settings: FileSettings) -> PolicySpec:
-    """Parse rl_sar's `config.yaml`.
+    """Parse a policy's specification from the `config.yaml` of rl_sar, of any version.
 
     Args:
-        settings: Settings with one section; its key is the name of the robot.
+        settings: Settings of the file, with one section; the key of the section is the name of the robot.
 
     Returns:
         Specification of the policy.
 
     Raises:
-        IncompleteSpecError: The file does not name the observation terms, because it is from v2.1 or older.
+        IncompleteSpecError: The file does not name the observation terms, because it is of rl_sar v2.1 or older.
     """
     ((_, robot_section),) = settings.sections()
     if robot_section.find("observations") is not None:
@@ -91,7 +100,7 @@ def _is_missing_field(error: PolicyError) -> bool:
 
 
 def known_fields(settings: FileSettings) -> dict[str, Any]:
-    """Return the known fields of the specification, name -> value.
+    """Return the fields of a specification that flat settings contain: field name -> value.
 
     Raises PolicyError if a value has a wrong type.
     """
@@ -114,10 +123,10 @@ def known_fields(settings: FileSettings) -> dict[str, Any]:
 
 
 def _find_network(settings: FileSettings, path: object) -> Path | None:
-    """Return the absolute path of the network; None if the file does not exist.
+    """Return the absolute path of the network that the settings give as `path`; None if there is no file.
 
-    The given path may begin with a placeholder, as in `{ROOT}/pre_train/go2/motion.pt`. The path is tried relative to
-    the folder of the settings. Then a file with the last part of the path is searched in this folder.
+    First, `path` is used relative to the folder of the settings file. If there is no file, the last part of `path` is
+    used in this folder, because `path` may begin with a placeholder, as in `{ROOT}/pre_train/go2/motion.pt`.
     """
     if not isinstance(path, str) or not path:
         return None
@@ -133,7 +142,10 @@ def _find_network(settings: FileSettings, path: object) -> Path | None:
 
 
 def advice_lines(settings: FileSettings) -> tuple[str, ...]:
-    """Return the settings that help a user to write the observation terms, one line each."""
+    """Return hints that help a user to write the missing observation terms, one line each.
+
+    They quote the settings for the number of observed values, the scales, and the order of the joints.
+    """
     lines = []
     for key in ("num_obs", "num_observations"):
         if settings.find(key) is not None:

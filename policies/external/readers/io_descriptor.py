@@ -1,10 +1,10 @@
-"""Reader of Isaac Lab's IO descriptor.
+"""Reader of the IO descriptor of Isaac Lab, a YAML file that describes a policy's inputs and outputs.
 
-`export_IO_descriptors` writes this file into the folder `io_descriptors` of a run.
+`export_IO_descriptors` writes this file into the folder `io_descriptors` of a training run. An IO descriptor lists the
+terms of the actions and observations in their order, with the joint names of each term.
 
-An IO descriptor lists the terms of the actions and observations in their order, with the joint names of each term.
-`default_joint_stiffness` and `default_joint_damping` are 0 for joints with explicit actuators. The gains of these
-actuators are only in `params/env.yaml`.
+The keys `default_joint_stiffness` and `default_joint_damping` are 0 for joints with explicit actuators, which Isaac Lab
+computes outside of the physics engine. The gains of explicit actuators are only in `params/env.yaml`.
 
 Sources: `isaaclab/envs/manager_based_env.py` (`export_IO_descriptors`), `docs/source/policy_deployment`.
 """
@@ -22,21 +22,21 @@ from policies.external.spec import Numbers, PolicySpec, SpecTerm
 from quad_env.files.text import brief
 
 FOLDER = "io_descriptors"
-"""Name of the folder of a run that contains the descriptors."""
+"""Name of the folder in an Isaac Lab training run that contains IO descriptors."""
 FILE_PATTERNS = ("*IO_descriptors.yaml", "*IO_descriptor.yaml")
-"""Patterns of the file names of descriptors."""
+"""Patterns (glob) of the file names of Isaac Lab's IO descriptors."""
 
 
 def is_descriptor(settings: FileSettings) -> bool:
-    """Return True if the settings are an IO descriptor."""
+    """Return True if the settings of a file have the form of Isaac Lab's IO descriptor."""
     return isinstance(settings.find("actions"), list) and isinstance(settings.find("articulations"), dict)
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse an IO descriptor.
+    """Parse a policy's specification from Isaac Lab's IO descriptor.
 
     Args:
-        settings: Settings of the descriptor.
+        settings: Settings of the IO descriptor.
 
     Returns:
         Specification of the policy.
@@ -65,9 +65,9 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _joint_order(action: FileSettings, robot: FileSettings) -> list[int]:
-    """Return the index in the articulation of each joint of the action.
+    """Return, for each joint of the action term, its index among the joints of the articulation (robot).
 
-    Raises PolicyError if the joints are not the 12 joints of the articulation.
+    Raises PolicyError if the joints of the action term are not the 12 joints of the articulation.
     """
     joints = action.texts("joint_names")
     asset_joints = robot.texts("joint_names")
@@ -77,7 +77,11 @@ def _joint_order(action: FileSettings, robot: FileSettings) -> list[int]:
 
 
 def _parse_positions(action: FileSettings, robot: FileSettings, order: list[int]) -> dict[str, Any]:
-    """Return the fields `default_position`, `action_scale` and `action_offset`: name -> value."""
+    """Return the fields `default_position`, `action_scale` and `action_offset` of a specification.
+
+    The result is a dictionary: field name -> value. `order` has, for each joint of the action, its index among the
+    joints of the robot.
+    """
     default_position = tuple(robot.numbers("default_joint_pos")[index] for index in order)
     offset = action.numbers("offset", default=0.0)
     return {
@@ -88,9 +92,10 @@ def _parse_positions(action: FileSettings, robot: FileSettings, order: list[int]
 
 
 def _observation_list(settings: FileSettings) -> list[Any]:
-    """Return the entries of the observation group `policy`, or of the first group if this name is missing.
+    """Return the descriptions of the observation terms in an IO descriptor, in their order.
 
-    Raises PolicyError if the group is not a list.
+    They are in the observation group `policy`, or in the first group if there is no group with this name. Raises
+    PolicyError if the group is not a list.
     """
     groups = dict(settings.section("observations").values)
     policy = groups.get("policy", next(iter(groups.values()), None))
@@ -100,16 +105,20 @@ def _observation_list(settings: FileSettings) -> list[Any]:
 
 
 def _parse_observation(observations: list[FileSettings], joints: JointNames) -> dict[str, Any]:
-    """Return the fields `terms` and `observed_joints`: name -> value."""
+    """Return the specification's fields `terms` and `observed_joints`: name -> value.
+
+    `observations` has the settings of each observation term. `joints` has the joint names in the order of the actions.
+    """
     terms = {str(index): _parse_term(each) for index, each in enumerate(observations)}
     observed = observed_order(terms, lambda key: observations[int(key)].texts("joint_names"))
     return {"terms": tuple(terms.values()), "observed_joints": observed if observed != joints else None}
 
 
 def joint_order(env: Path) -> JointNames | None:
-    """Return the robot's joint names in the order of the IO descriptor of the run of an `env.yaml`.
+    """Return the robot's joint names in Isaac Lab's order, from the IO descriptor of a training run.
 
-    Returns None unless the run has exactly one IO descriptor.
+    `env` is the path of the `env.yaml` of the training run. Returns None if the training run has no IO descriptor, or
+    several.
     """
     run = env.parent.parent if env.parent.name == "params" else env.parent
     folders = dict.fromkeys((run / FOLDER, run, env.parent))
@@ -121,9 +130,10 @@ def joint_order(env: Path) -> JointNames | None:
 
 
 def _find_robot(settings: FileSettings) -> FileSettings:
-    """Return the articulation with the name `robot`, or else the only articulation.
+    """Return the settings of the robot in an IO descriptor.
 
-    Raises PolicyError if there are several articulations without this name, or none.
+    The robot is the articulation with the name `robot`, or else the only articulation. Raises PolicyError if there are
+    several articulations and none has this name, or if there are none.
     """
     articulations = settings.section("articulations")
     groups = dict(articulations.sections())
@@ -135,9 +145,9 @@ def _find_robot(settings: FileSettings) -> FileSettings:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action.
+    """Return the settings of the only action term in an IO descriptor.
 
-    Raises PolicyError unless the action consists of joint positions without a clip.
+    Raises PolicyError if there are several action terms, if it is not a JointPositionAction, or if it has a clip.
     """
     actions = [_entry_settings(each, settings) for each in settings.get("actions")]
     kinds = [_function_name(action) for action in actions]
@@ -151,7 +161,10 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _entry_settings(value: object, settings: FileSettings) -> FileSettings:
-    """Return an action or observation as settings. Raises PolicyError if `value` is not a dictionary."""
+    """Return the description `value` of an action or observation term as `FileSettings`.
+
+    `settings` are the settings of the whole IO descriptor. Raises PolicyError if `value` is not a dictionary.
+    """
     if not isinstance(value, dict):
         raise PolicyError(f"an action or observation in {settings.file.name} must be settings by key", WRITE_TOML)
     name = value.get("name", "")
@@ -159,18 +172,20 @@ def _entry_settings(value: object, settings: FileSettings) -> FileSettings:
 
 
 def _function_name(entry: FileSettings) -> str:
-    """Return the last part of an entry's `full_path`, or else its `name`: the function name.
+    """Return the name of the Isaac Lab function or class that computes an action or observation term.
 
-    Raises PolicyError if both are missing.
+    It is the last part of the term's `full_path`, or of its `name` if there is no path. Raises PolicyError if both keys
+    are missing.
     """
     key = "full_path" if entry.find("full_path") is not None else "name"
     return entry.text(key).rpartition(".")[2]
 
 
 def _parse_term(entry: FileSettings) -> SpecTerm:
-    """Parse an observation term from its function name; its `overloads` replace its `params`.
+    """Parse an observation term from its description in an IO descriptor.
 
-    Raises PolicyError if the term is unknown or has another width.
+    The settings in `overloads` replace the settings in `params` and `extras`. Raises PolicyError if the function of the
+    term is unknown, or if the described shape differs from the width of this term.
     """
     function = _function_name(entry)
     overloads = entry.optional_section("overloads")
@@ -186,9 +201,10 @@ def _parse_term(entry: FileSettings) -> SpecTerm:
 def _parse_gains(
     settings: FileSettings, robot: FileSettings, joints: JointNames, order: list[int]
 ) -> tuple[Numbers, Numbers]:
-    """Return stiffness and damping of the joints.
+    """Return stiffness, N·m/rad, and damping, N·m·s/rad, of the joints, in the order of the actions.
 
-    They come from `params/env.yaml` if a stiffness in the descriptor is 0.
+    They are read from `params/env.yaml` if a stiffness in the IO descriptor is 0 and this file exists. `order` has, for
+    each joint of the action, its index among the joints of the robot.
     """
     gains = [robot.numbers(f"default_joint_{kind}") for kind in ("stiffness", "damping")]
     stiffness, damping = (tuple(values[index] for index in order) for values in gains)
@@ -201,9 +217,10 @@ def _parse_gains(
 
 
 def _parse_actuator_gains(actuators: FileSettings, joints: JointNames, kind: str) -> Numbers:
-    """Return the gain `kind` of each joint, from the first actuator that matches the joint's name.
+    """Return the stiffness or damping, named by `kind`, of each joint.
 
-    Raises PolicyError if no actuator matches.
+    The gain of a joint is taken from the first actuator in `params/env.yaml` with a pattern that matches the joint's
+    name. Raises PolicyError if no actuator matches.
     """
     gains = []
     for joint in joints:

@@ -1,4 +1,6 @@
-"""Reader of Isaac Lab's `params/env.yaml`, which `dump_yaml` writes for a manager-based environment.
+"""Reader of Isaac Lab's `params/env.yaml`, the settings of the environment of a training run.
+
+Isaac Lab's `dump_yaml` writes this file for a manager-based environment.
 
 Sources: `isaaclab/envs/mdp/actions/joint_actions.py` (target = raw action * scale + offset, then clipped),
 `isaaclab/managers/manager_term_cfg.py`, `isaaclab/sensors/ray_caster/patterns/patterns.py` (order of a height scan),
@@ -16,11 +18,14 @@ from policies.external.readers.settings import WRITE_TOML, FileSettings, joint_n
 from policies.external.spec import HeightGrid, Numbers, PolicySpec, Range, SpecTerm
 
 _ACTUATOR_JOINTS = "joint_names_expr"
-"""Key of an actuator's settings that holds regular expressions for joint names."""
+"""Key of an actuator's settings with a list of regular expressions for the actuator's joint names."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse an `env.yaml`. Raises PolicyError for a missing, wrong or unsupported setting."""
+    """Parse a policy's specification from Isaac Lab's `env.yaml`.
+
+    Raises PolicyError if a setting is missing, wrong or unsupported.
+    """
     robot = settings.section("scene", "robot")
     action = _find_action(settings)
     asset_joints = joint_order(settings.file)
@@ -48,7 +53,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action. Raises PolicyError unless it is a JointPositionAction."""
+    """Return the settings of the only action term; raise PolicyError if it is not a JointPositionAction."""
     actions = dict(settings.section("actions").sections())
     kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
@@ -58,12 +63,10 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _known_robot_joints(robot: FileSettings) -> JointNames | None:
-    """Return the joint names of a robot of a known family, in Isaac Lab's order.
+    """Return the joint names of a robot in Isaac Lab's order, if the robot belongs to one of FAMILIES.
 
-    Returns None if the family is unknown.
-
-    The joint names of the family must match all expressions in the settings. The path of the robot's model must contain
-    a word of the family.
+    The path of the robot's model must contain a word of the family. Each regular expression for joint names in the
+    settings must match a joint name of the family. Returns None if no family fits.
     """
     spawn = robot.section("spawn").values
     path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()
@@ -77,15 +80,15 @@ def _known_robot_joints(robot: FileSettings) -> JointNames | None:
 
 
 def _has_matches(patterns: list[str], names: JointNames) -> bool:
-    """Return True if each pattern matches at least one of the names."""
+    """Return True if each regular expression in `patterns` matches at least one of the joint names."""
     return all(any(joint_name_matches(pattern, name) for name in names) for pattern in patterns)
 
 
 def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> JointNames:
-    """Return the joint names that the patterns in `joint_names` select.
+    """Return the joint names that the regular expressions under the key `joint_names` select.
 
-    Their order is the order of `asset_joints`, or of the patterns if `preserve_order` is True. Raises PolicyError if
-    the order of the asset's joints is needed but unknown.
+    The result has the order of `asset_joints`, all joint names of the robot in Isaac Lab's order. If `preserve_order`
+    is True, it has the order of the expressions. Raises PolicyError if `asset_joints` is needed but None (unknown).
     """
     if settings.find("joint_names") is None and settings.find("joint_ids") is not None:
         settings.raise_invalid("joint_ids", "absent, with the joints in `joint_names`")
@@ -105,7 +108,7 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
 
 
 def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
-    """Return the joint targets if all actions are zero, rad; None if they are the default position."""
+    """Return the joint targets at zero action, in the order of `joints`, rad; None: the default position."""
     if action.find("use_default_offset") is True:
         return None
     return action.joint_values("offset", joints, 0.0)
@@ -114,7 +117,7 @@ def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
 def _parse_observed_joints(
     group: FileSettings, terms: dict[str, SpecTerm], joints: JointNames, asset_joints: JointNames | None
 ) -> JointNames | None:
-    """Return the joint names in the order of the observation; None if it is the order of `joints`."""
+    """Return the joint names in the order of the observation; None if it is the action order `joints`."""
 
     def order(name: str) -> JointNames:
         return _select_joints(group.section(name).optional_section("params", "asset_cfg"), asset_joints)
@@ -124,9 +127,10 @@ def _parse_observed_joints(
 
 
 def _parse_term(settings: FileSettings, group: FileSettings, term: FileSettings) -> SpecTerm:
-    """Parse an observation term; a history length of its group replaces the term's own.
+    """Parse an observation term from its settings `term`.
 
-    Raises PolicyError if the term is unsupported.
+    If the observation group `group` has a history length, it replaces the history length of the term. Raises
+    PolicyError if the term is not supported.
     """
     function = _function_name(term)
     if function == "generated_commands":
@@ -144,9 +148,10 @@ def _function_name(term: FileSettings) -> str:
 
 
 def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
-    """Parse the points of a height scan: a grid around the sensor that turns with the trunk's yaw.
+    """Parse the grid of a height scan from the settings of its sensor.
 
-    Raises PolicyError if the grid does not turn with the yaw, or has too few or too many points.
+    `settings` are the settings of the environment, and `params` the parameters of the observation term, which name the
+    sensor. Raises PolicyError if the grid does not turn with the trunk's yaw, or has too few or too many points.
     """
     sensor = settings.section("scene", params.section("sensor_cfg").text("name"))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
@@ -165,9 +170,9 @@ def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
 
 
 def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
-    """Return the stiffness or damping, named by `kind`, of a joint's actuator.
+    """Return the stiffness or damping, named by `kind`, of the first actuator that has a joint.
 
-    Raises PolicyError if no actuator has the joint.
+    Raises PolicyError if no actuator of the robot has the joint.
     """
     for _, actuator in robot.section("actuators").sections():
         if any(joint_name_matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):
@@ -176,9 +181,9 @@ def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
 
 
 def _parse_action_clip(settings: FileSettings) -> Range | None:
-    """Return the range to which rsl_rl's wrapper clips raw actions; None if there are no limits.
+    """Return the minimum and maximum to which rsl_rl clips raw network outputs; None: no limits.
 
-    The range is in the file `agent.yaml` next to the settings.
+    They are in the file `agent.yaml` next to the `env.yaml`.
     """
     file = settings.file.with_name("agent.yaml")
     if not file.is_file():

@@ -1,7 +1,7 @@
-"""Parsing of observation terms with Isaac Lab's function names, which mjlab and Unitree use as well.
+"""Parsing of observation terms by Isaac Lab's function names, which mjlab and Unitree use as well.
 
-Terms are clipped and then scaled. A history keeps the control steps of a term together, with the oldest step first. At
-the start it is filled with the first observation (`CircularBuffer`).
+In Isaac Lab, terms are clipped and then scaled. A history keeps the control steps of a term together, with the oldest
+step first. At the start of an episode, the history is filled with the first observation (`CircularBuffer`).
 
 Sources:
 - `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`.
@@ -39,28 +39,28 @@ TERM_NAMES = {
     "gait_phase_my": "gait_clock",
     "phase": "gait_clock",
 }
-"""Name of Isaac Lab's function -> name of this project's observation term."""
+"""Name of Isaac Lab's function for an observation term -> name of the term in this project."""
 _JOINT_TERMS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
 _PERIOD_KEYS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
-"""Name of a clock's function -> key of the parameter that holds the period, s."""
+"""Name of the function of a gait clock -> key of the parameter with the clock's period, s."""
 ZERO_BELOW = 0.1
-"""Norm of the command below which the clock of newer unitree_rl_mjlab is (0, 0)."""
+"""Norm of the velocity command below which the gait clock of newer unitree_rl_mjlab is (0, 0)."""
 _THRESHOLD_KEYS = "command_threshold", "zero_below"
-"""Keys of parameters that replace the threshold ZERO_BELOW."""
+"""Keys of a gait clock's parameters; the value replaces the threshold ZERO_BELOW."""
 
 
 def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> SpecTerm:
-    """Make an observation term from the name of its function.
+    """Make an observation term from the name of its function in Isaac Lab and from its settings.
 
-    Raises PolicyError if the function is unknown or the term has modifiers.
+    Raises PolicyError if the function is unknown, or if the term has modifiers, which are not supported.
 
     Args:
-        function: Name of the function.
-        settings: Settings of the term: `params`, `clip`, `scale`, `history_length`.
-        grid: Points of a height scan; None for other terms.
+        function: Name of Isaac Lab's function that computes the term, one of TERM_NAMES.
+        settings: Settings of the term with the keys `params`, `clip`, `scale` and `history_length`.
+        grid: Grid of the points of a height scan; None for other terms.
 
     Returns:
-        The term.
+        Observation term of a specification.
     """
     name = TERM_NAMES.get(function)
     if name is None or (name == "height_scan" and grid is None):
@@ -75,9 +75,10 @@ def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = N
 
 
 def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
-    """Return the frequency of a clock, Hz, and the norm of the command below which the clock is (0, 0).
+    """Return the frequency of a gait clock, Hz, and the command norm below which the clock is (0, 0).
 
-    Both are 0 for functions that are not clocks.
+    `function` is the name of Isaac Lab's function, and `settings` are the settings of the term. Both numbers are 0 for
+    functions that are not gait clocks.
     """
     if function not in _PERIOD_KEYS:
         return 0.0, 0.0
@@ -90,9 +91,10 @@ def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
 
 
 def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
-    """Return a remark for each clock without a threshold.
+    """Return a remark, one line, for each gait clock if its settings contain no threshold.
 
-    The pairs in `terms` are a function name and the settings of the term.
+    The threshold is the norm of the velocity command below which the clock is (0, 0). It is missing in files of older
+    projects and is then assumed to be 0. The pairs in `terms` are a function name and the settings of the term.
     """
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
@@ -103,17 +105,17 @@ def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, 
 
 
 def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> SpecTerm:
-    """Return a term with the scale from its settings.
+    """Return a copy of an observation term with the scale in its settings.
 
-    The scale becomes one number if all its numbers are equal.
+    The scale becomes a single number if all its numbers are equal.
 
     Args:
-        term: The term.
-        settings: Settings of the term.
+        term: Observation term.
+        settings: Settings with the scale.
         key: Key of the scale; the term is returned unchanged if the settings lack this key.
 
     Returns:
-        The scaled term.
+        Observation term with the scale.
     """
     if settings.find(key) is None:
         return term
@@ -122,25 +124,26 @@ def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> Sp
 
 
 def history_length(settings: FileSettings) -> int:
-    """Return the number of observed control steps.
+    """Return the number of control steps of a term in the observation.
 
-    This is `history_length`, or 1 if the setting is 0 or missing, because the present step is always observed.
+    This is the setting `history_length`. The number is 1 if the setting is 0 or missing, because the present step is
+    always observed.
     """
     return max(1, int(settings.number("history_length", 1)))
 
 
 def observed_order(terms: dict[str, SpecTerm], order: Callable[[str], JointNames]) -> JointNames | None:
-    """Return the joint names in the order in which the terms observe the joints.
+    """Return the joint names in the order in which the observation terms list the joints.
 
     Args:
-        terms: Key of each term -> term.
-        order: Function from the key of a term to the joint names in the order of the term.
+        terms: Key of each observation term in its file -> term.
+        order: Function from the key of a term to the joint names in the order of this term.
 
     Returns:
-        Names of the joints; None if no term observes joints.
+        Joint names; None if no term contains joint angles, velocities or torques.
 
     Raises:
-        PolicyError: Two terms observe the joints in different orders.
+        PolicyError: Two terms have the joints in different orders.
     """
     orders = {order(key) for key, term in terms.items() if term.name in _JOINT_TERMS}
     if len(orders) > 1:
@@ -151,7 +154,7 @@ def observed_order(terms: dict[str, SpecTerm], order: Callable[[str], JointNames
 
 
 def raise_unknown_term(name: str) -> NoReturn:
-    """Raise the PolicyError for an unknown observation term."""
+    """Raise the PolicyError for an unknown observation term `name`; the error lists the valid terms."""
     shown = name if len(name) <= MAX_SHOWN else brief(name)
     valid = ", ".join(TERM_WIDTHS)
     raise PolicyError(f"the observation term {shown} is not known", f"{WRITE_TOML} with terms of {valid}")

@@ -1,8 +1,8 @@
-"""Orders of the twelve joints, for files that have no joint names or no order of the joints.
+"""Joint orders of known robots, for deployment files that lack the joint names or the joint order.
 
-The robots' makers chose the names. Isaac Gym and Isaac Sim import links sorted by name, so that the legs are in
-alphabetical order. Isaac Gym's joints are grouped by leg (`gym.get_asset_dof_names`). With PhysX, Isaac Lab's joints
-are in breadth-first order, grouped by kind: hips, thighs, calves (`Articulation.joint_names`).
+The joint names are the names in the makers' robot files. Isaac Gym and Isaac Sim import links sorted by name, so that
+the legs are in alphabetical order. The joints in Isaac Gym are grouped by leg (`gym.get_asset_dof_names`). The joints
+in Isaac Lab with PhysX are in breadth-first order, grouped by kind: hips, thighs, calves (`Articulation.joint_names`).
 """
 
 from collections.abc import Iterable
@@ -15,41 +15,44 @@ FAMILIES: dict[str, tuple[str, str]] = {
     "spot": ("fl fr hl hr", "hx hy kn"),
     "lite3 deeprobotics": ("FL FR HL HR", "HipX_joint HipY_joint Knee_joint"),
 }
-"""Words in the path of a robot's model -> names of the legs, and names of the joint kinds."""
+"""Robots with equal joint names: words in the path of the robot's model -> leg names, joint kinds.
+
+The words, leg names and joint kinds (hip, thigh, calf) are separated by spaces. A joint name is `LEG_KIND`.
+"""
 
 
 def names_by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> JointNames:
-    """Return joint names grouped by leg; each leg has its joints from the trunk to the foot.
+    """Return a robot's joint names, grouped by leg; each leg has its joints from the trunk to the foot.
 
     Args:
         legs: Names of the legs, separated by spaces.
-        kinds: Names of the joint kinds, separated by spaces.
+        kinds: Names of the joint kinds (hip, thigh, calf), separated by spaces.
 
     Returns:
-        Names of the form `LEG_KIND`.
+        Joint names of the form `LEG_KIND`, for example `FL_hip_joint`.
     """
     return tuple(f"{leg}_{kind}" for leg in legs.split() for kind in kinds.split())
 
 
 def names_by_kind(legs: str, kinds: str) -> JointNames:
-    """Return joint names grouped by kind; each kind has the joints in the order of the legs.
+    """Return a robot's joint names, grouped by kind; each kind has its joints in the order of the legs.
 
     Args:
         legs: Names of the legs, separated by spaces.
-        kinds: Names of the joint kinds, separated by spaces.
+        kinds: Names of the joint kinds (hip, thigh, calf), separated by spaces.
 
     Returns:
-        Names of the form `LEG_KIND`.
+        Joint names of the form `LEG_KIND`, for example `FL_hip_joint`.
     """
     return tuple(f"{leg}_{kind}" for kind in kinds.split() for leg in legs.split())
 
 
 def isaac_gym_order(names: Iterable[str]) -> JointNames | None:
-    """Return joint names in Isaac Gym's order; None unless they are the names of a known family."""
+    """Return joint names in the order of Isaac Gym; None if they are not the names of one of FAMILIES."""
     name_set = set(names)
     orders = (names_by_leg(*family) for family in FAMILIES.values())
     return next((order for order in orders if set(order) == name_set), None)
 
 
 UNITREE_MOTORS = names_by_leg("FR FL RR RL")
-"""Joint names in the order of the motors in Unitree's SDK."""
+"""Joint names of Unitree's quadrupeds in the order of the motors in Unitree's SDK."""

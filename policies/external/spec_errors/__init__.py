@@ -1,4 +1,7 @@
-"""Common errors in a policy's specification, and specifications in which an error is corrected."""
+"""Common errors in an external policy's specification, and specifications with corrected errors.
+
+If a policy does not walk, the corrected specifications are tested to find the error in its specification.
+"""
 
 from policies.external.spec_errors.correction import (
     COMMON_ERRORS,

@@ -1,4 +1,4 @@
-"""Corrections of the actuation: action scale and offset, control rate, signs of joints, servo gains."""
+"""Corrections of a policy's specification: actions, control rate, signs of joints, servo gains."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,35 +23,40 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 GAIN_FACTORS = 0.2, 0.45, 2.2, 5.0
-"""Factors on the specified stiffness and damping together.
+"""Tried factors on the servo gains of a specification: stiffness and damping are multiplied together.
 
-They are tried because many policies lack known gains.
+They are tried because the servo gains of many policies are not published.
 """
 SINGLE_GAIN_FACTORS = 0.1, 10.0
-"""Factors on the specified stiffness alone, and on the specified damping alone."""
+"""Tried factors on one servo gain of a specification: the stiffness alone or the damping alone."""
 ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
-"""Factors on the specified action scale of all joints."""
+"""Tried factors on the action scale of all joints in a specification."""
 HIP_FACTORS = 0.5, 2.0
-"""Factors on the specified action scale of the hips.
+"""Tried factors on the action scale of the hip joints (abduction) in a specification.
 
-They are tried because forks of legged_gym reduce this scale.
+They are tried because forks of legged_gym reduce the action scale of the hips.
 """
 RATES = 25.0, 100 / 3, 50.0, 100.0
-"""Usual control rates, Hz."""
+"""Usual control rates of policies, Hz, that are tried as corrections of a specification."""
 MIRRORED_PENALTY = 0.4
-"""Penalty of a correction that reverses the default position together with the signs of joints.
+"""Penalty of a correction that reverses the signs and default positions of some joints.
 
-The reason is that the same network walks differently with this correction.
+The penalty is added to the deviation of the walk (velocity error divided by its tolerance). It is needed because the
+same network walks differently with this correction.
 """
 ROBOT_GAINS_PENALTY = 0.1
-"""Penalty of the robot's own gains, because a policy often walks well with these gains too."""
+"""Penalty of a correction that sets the robot's own servo gains.
+
+The penalty is added to the deviation of the walk (velocity error divided by its tolerance). It is needed because a
+policy often walks well with the robot's own gains, too.
+"""
 _LINKS = "hip", "thigh", "calf"
 
 
 def change_actions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with another action scale or another action offset.
+    """Yield corrections of a specification's actions: another action scale or another action offset.
 
-    The offset is the default position or zero.
+    The action offset is the default position or zero.
     """
     for factor in ACTION_FACTORS:
         scale = tuple(factor * value for value in spec.action_scale)
@@ -68,7 +73,10 @@ def change_actions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_rate(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with another control rate."""
+    """Yield corrections of a specification with another control rate.
+
+    The rates are RATES, half the specified rate, and twice the specified rate (at most the last rate of RATES).
+    """
     rates = *RATES, 0.5 * spec.control_rate, min(2.0 * spec.control_rate, RATES[-1])
     for rate in dict.fromkeys(rates):
         changed = replace(spec, control_rate=rate)
@@ -76,17 +84,17 @@ def change_rate(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield specifications in which some joints have the opposite sign.
+    """Yield corrections of a specification in which some joints turn in the opposite direction.
 
-    The joints are hips, thighs or calves, or several of these, on all legs or on one side. The default position of the
-    joints is either reversed as well or unchanged.
+    The joints are the hips, thighs or calves, or several of these kinds, on all legs or on one side. In one correction
+    the default positions of these joints are unchanged, in another they change their sign as well.
 
     Args:
-        spec: Specification with an error.
-        robot: Robot of the policy.
+        spec: Specification that may have an error.
+        robot: Robot that the policy moves.
 
     Yields:
-        Corrections of the signs.
+        Corrections of the field `signs`.
     """
     leg_ids, link_ids = np.divmod(map_joints(spec.joints, robot).joint_ids, JOINTS_PER_LEG)
     is_right = np.array([robot.leg_names[leg].endswith("r") for leg in leg_ids])
@@ -102,24 +110,23 @@ def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _with_turned_signs(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with `signs` multiplied by `turns`, 1 or -1, (12,)."""
+    """Return the specification with the signs of the joints multiplied by `turns`, each 1 or -1, (12,)."""
     signs = turns if spec.signs is None else turns * spec.signs
     return replace(spec, signs=None if (signs == 1.0).all() else tuple(signs.tolist()))
 
 
 def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with default position and action offset multiplied by `turns`, (12,)."""
+    """Return the specification with default position and action offset multiplied by `turns`, ±1, (12,)."""
     offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
     default_position = tuple((turns * spec.default_position + 0.0).tolist())
     return replace(spec, default_position=default_position, action_offset=offset)
 
 
 def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:
-    """Return the sets of joints to reverse.
+    """Return the sets of joints for which `change_signs` reverses the sign.
 
-    A set consists of its legs as text, the mask of the legs' joints, (12,), and the indices of the links.
-
-    The mask `is_right` marks the joints of the right legs, (12,).
+    Each set consists of a text for its legs, a mask of the joints of these legs, (12,), and the kinds of its joints (0:
+    hip, 1: thigh, 2: calf). `is_right` is True for the joints of the right legs, (12,).
     """
     every = np.ones(len(is_right), np.bool_)
     link_choices: tuple[tuple[int, ...], ...] = ((1, 2), (0,), (2,), (1,), (0, 1, 2))
@@ -130,16 +137,16 @@ def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[in
 
 
 def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield specifications with other servo gains.
+    """Yield corrections of a specification with other servo gains (stiffness and damping).
 
-    They are the robot's own gains, or the specified gains with stiffness, damping or both multiplied by a factor.
+    The gains are the robot's own gains, or the specified gains with stiffness, damping or both multiplied by a factor.
 
     Args:
-        spec: Specification with an error.
-        robot: Robot of the policy.
+        spec: Specification that may have an error.
+        robot: Robot that the policy moves.
 
     Yields:
-        Corrections of the servo gains.
+        Corrections of the fields `stiffness` and `damping`.
     """
     joint_ids = map_joints(spec.joints, robot).joint_ids
     robot_gains = np.array((robot.servo_stiffness, robot.servo_damping))[:, joint_ids]
@@ -151,9 +158,9 @@ def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _scaled_gains(spec: PolicySpec) -> list[Floats]:
-    """Return pairs of stiffness and damping, (2, 12) each.
+    """Return servo gains to try: arrays (2, 12) with the stiffness, N·m/rad, and the damping, N·m·s/rad.
 
-    They are the specified gains, scaled together or one at a time.
+    They are the gains of the specification, multiplied together by GAIN_FACTORS or singly by SINGLE_GAIN_FACTORS.
     """
     gains = np.array((spec.stiffness, spec.damping))
     scaled = [factor * gains for factor in GAIN_FACTORS]

@@ -1,4 +1,4 @@
-"""Names of the common errors of a specification, and the correction of an error."""
+"""Names of the common errors in an external policy's specification, and class of their corrections."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ CLOCK = "gait clock"
 GAINS = "servo gains"
 
 ORDERS = SIDES, ENDS, GROUPING
-"""Names of the errors in the order of the joints."""
+"""Names of the errors that concern the order of the joints in a specification."""
 COMMON_ERRORS = (
     *ORDERS,
     FRAMES,
@@ -39,7 +39,7 @@ COMMON_ERRORS = (
     CLOCK,
     GAINS,
 )
-"""Names of all errors: settings that users often confuse or copy from another project."""
+"""Names of all common errors: settings of a specification that users often confuse or copy wrongly."""
 PENALTIES = {
     ACTIONS: 0.25,
     SIGNS: 0.1,
@@ -51,33 +51,38 @@ PENALTIES = {
     CLOCK: 0.3,
     GAINS: 0.3,
 }
-"""Name of an error -> penalty that is added to the deviation of the walk with its correction.
+"""Name of an error -> penalty of its correction when the corrections are compared; 0 for other errors.
 
-These corrections can improve a walk although the specification has a different error. Examples are smaller actions,
-other servo gains, rates and clocks, and another order of terms that the network hardly needs.
+The penalty is added to the deviation of the walk (velocity error divided by its tolerance) with the correction. It is
+needed because these corrections can improve a walk although the specification has a different error. Examples are
+smaller actions, other servo gains, rates and clocks, and another order of terms that the network hardly needs.
 """
 
 
 @dataclass(frozen=True)
 class Correction:
-    """Specification in which one or several common errors are corrected."""
+    """Changed specification of an external policy in which one or several common errors are corrected."""
 
     error: str
     """Name of the corrected error, one of COMMON_ERRORS; several names are joined by `and`."""
     changed_setting: str
-    """Setting of the corrected specification, a noun phrase such as `a control rate of 50 Hz`."""
+    """Changed setting in the corrected specification, a noun phrase such as `a control rate of 50 Hz`."""
     keys_to_correct: str
-    """Keys to correct in the specification's file."""
+    """Keys that the user must correct in the specification's file, as text, for example `control_rate`."""
     spec: PolicySpec
-    """Corrected specification."""
+    """Specification after the correction."""
     penalty: float = 0.0
-    """Number that is added to the deviation of the walk before corrections are compared."""
+    """Number that is added to the deviation of the walk before the corrections are compared.
+
+    The deviation is the velocity error divided by its tolerance.
+    """
 
 
 def numbers_in_words(values: Numbers) -> str:
-    """Return numbers as text.
+    """Return a short text for numbers, such as the values of all joints.
 
-    The text is one number if all are equal, all numbers if there are at most three, else minimum and maximum.
+    The text is one number if all numbers are equal. It has all numbers if there are at most three, else the minimum and
+    the maximum.
     """
     if len({*values}) == 1:
         return f"{values[0]:g}"

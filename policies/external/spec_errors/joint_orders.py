@@ -1,6 +1,7 @@
-"""Corrections of the order of the joints: left and right, fore and hind, grouped by leg or by kind.
+"""Corrections of the joint order in a specification: left and right, fore and hind, by leg or by kind.
 
-The kind of a joint is hip, thigh or calf.
+The kind of a joint is hip, thigh or calf. In an order by leg, the three joints of each leg follow each other. In an
+order by kind, the four joints of each kind follow each other.
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,21 +19,25 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 JointOrder = NDArray[np.intp]
-"""Index of each joint among the robot's joints, (12,)."""
+"""Joint order of a policy: index of each of its joints among the robot's joints, (12,)."""
 Names = tuple[str, ...]
 _OTHER_LEG = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
-"""Name of an error -> translation table that exchanges letters of a leg's name."""
+"""Error (SIDES or ENDS) -> table for `str.translate` that changes a leg's name into another leg's.
+
+For example, SIDES changes `fl` into `fr`.
+"""
 
 
 def joint_order_in_words(joints: Names, robot: Robot) -> str:
-    """Return the order of joints as text, for example `FL FR RL RR by leg`.
+    """Describe the order of twelve joints as text, for example `FL FR RL RR by leg`.
 
     Args:
         joints: Names of the joints.
         robot: Robot with these joints.
 
     Returns:
-        Order of the legs, and `by leg`, `by kind` or `mixed`.
+        Order of the legs, then `by leg` (the joints of each leg follow each other), `by kind` (the hips, the thighs and
+        the calves follow each other) or `mixed`.
     """
     order = map_joints(joints, robot).joint_ids
     legs = dict.fromkeys(robot.leg_names[joint // JOINTS_PER_LEG] for joint in order.tolist())
@@ -42,17 +47,17 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
 
 
 def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
-    """Yield specifications with another order of the joints.
+    """Yield corrections of a specification with another order of the joints.
 
-    Either only the names are reordered, or the names together with all values per joint.
+    Either only the joint names are reordered, or the names together with all fields that have one value per joint.
 
     Args:
-        spec: Specification with an error.
-        robot: Robot of the policy.
-        count: Number of errors in ORDERS that are corrected together.
+        spec: Specification that may have an error.
+        robot: Robot that the policy moves.
+        count: Number of errors of ORDERS that are corrected together.
 
     Yields:
-        Corrections of the order.
+        Corrections of the joint order.
     """
     for errors in combinations(ORDERS, count):
         joints = _undo(spec.joints, errors, robot)
@@ -68,16 +73,17 @@ def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Corre
 
 
 def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield specifications with another order of the observed joints and the same order of the actions.
+    """Yield corrections of a specification with another joint order of the observation.
 
-    The new order is the order of the actions, or the specified order with one error of ORDERS corrected.
+    The joint order of the actions is unchanged. The new order of the observation is the order of the actions, or the
+    specified order with one error of ORDERS corrected.
 
     Args:
-        spec: Specification with an error.
-        robot: Robot of the policy.
+        spec: Specification that may have an error.
+        robot: Robot that the policy moves.
 
     Yields:
-        Corrections of the observed order.
+        Corrections of the field `observed_joints`.
     """
     current = spec.observed_joints or spec.joints
     for order in (spec.joints, *(_undo(current, (error,), robot) for error in ORDERS)):
@@ -87,14 +93,14 @@ def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correcti
 
 
 def _reordered_values(spec: PolicySpec, joints: Names) -> dict[str, Any]:
-    """Return the fields of JOINT_FIELDS, name -> values, reordered to the joint order of `joints`."""
+    """Return the fields with one value per joint, in the order of `joints`: field name -> values."""
     order = [spec.joints.index(name) for name in joints]
     fields = {name: getattr(spec, name) for name in JOINT_FIELDS}
     return {name: values and tuple(values[index] for index in order) for name, values in fields.items()}
 
 
 def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
-    """Return joint names in the order that results if the errors are corrected."""
+    """Return joint names in the order that results if the given errors of ORDERS are corrected."""
     given = map_joints(joints, robot).joint_ids
     order = given
     for error in errors:
@@ -108,9 +114,9 @@ def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
 
 
 def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
-    """Return the joints grouped by leg, and the joints grouped by kind.
+    """Return a joint order grouped by leg, and the same joints grouped by kind (hip, thigh, calf).
 
-    Legs and kinds keep the order of their first appearance.
+    The legs, and the kinds within a leg, keep the order of their first appearance in `order`.
     """
     leg_ids, link_ids = np.divmod(order, JOINTS_PER_LEG)
     leg_rank = _rank_of_first(leg_ids)
@@ -119,9 +125,9 @@ def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
 
 
 def _rank_of_first(ids: JointOrder) -> NDArray[np.intp]:
-    """Return, for each entry, the index of the first entry with the same value.
+    """Return, for each number in `ids`, the position of the first equal number in `ids`.
 
-    The values are 0, 1, 2 and so on.
+    Each of the numbers 0, 1, …, max(ids) must appear in `ids`.
     """
     first_indices: NDArray[np.intp] = np.unique(ids, return_index=True)[1]
     return first_indices[ids]

@@ -1,4 +1,7 @@
-"""Corrections of the observation: frames, signs, scales, history, conventions and order of the terms."""
+"""Corrections of the observation terms in an external policy's specification.
+
+They change the frames, signs, scales, histories, conventions or order of the terms.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -26,11 +29,11 @@ LEGGED_GYM_SCALES: dict[str, Numbers] = {
     "command": (2.0, 2.0, 0.25),
     "height_scan": (5.0,),
 }
-"""Name of an observation term -> its scale in legged_gym; in other projects the scale is 1."""
+"""Name of an observation term -> scale of the term in legged_gym; in other projects the scale is 1."""
 CLOCK_FACTORS = 0.5, 2.0
-"""Factors on the specified frequency of a gait clock."""
+"""Tried factors on the frequency of the gait clock in a specification."""
 CLOCK_THRESHOLD = 0.1
-"""Norm of the command below which the gait clocks of other projects are zero."""
+"""Norm of the velocity command (m/s, rad/s) below which the gait clock of some projects is (0, 0)."""
 _JOINT_STATE = "joint_position", "absolute_joint_position", "joint_velocity", "previous_action"
 TERM_ORDERS = (
     ("linear_velocity", "angular_velocity", "projected_gravity", "command", *_JOINT_STATE),
@@ -39,9 +42,9 @@ TERM_ORDERS = (
     ("angular_velocity", "linear_velocity", "projected_gravity", "command", *_JOINT_STATE),
     ("projected_gravity", "angular_velocity", "linear_velocity", "command", *_JOINT_STATE),
 )
-"""Orders of the observation terms in other projects.
+"""Orders of the observation terms in other projects, which are tried as corrections.
 
-legged_gym and Isaac Lab have the first order, mjlab and MuJoCo Playground the second, and HIMLoco the third.
+The first order is used by legged_gym and Isaac Lab, the second by mjlab and MuJoCo Playground, the third by HIMLoco.
 """
 _FRAMES: tuple[Literal["body", "world"], ...] = ("body", "world")
 _OTHER_POSITION = {
@@ -51,9 +54,9 @@ _OTHER_POSITION = {
 
 
 def change_frames(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the velocities in another frame.
+    """Yield corrections of a specification that observe the velocities of the trunk in another frame.
 
-    The linear velocity, the angular velocity or both are in the body frame or in the world frame.
+    The linear velocity, the angular velocity or both are in the base frame (`body`) or in the world frame.
     """
     both = "linear_velocity", "angular_velocity"
     for frame in _FRAMES:
@@ -66,7 +69,7 @@ def change_frames(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the specification in which the projected gravity has the opposite sign."""
+    """Yield the correction of a specification that observes the gravity vector with the opposite sign."""
 
     def reverse(term: SpecTerm) -> SpecTerm:
         reversed_term = replace(term, scale=tuple(-factor for factor in term.scale))
@@ -78,10 +81,11 @@ def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_scales(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with other observation scales.
+    """Yield corrections of a specification with other scales of the observation terms.
 
-    The scale of one term is legged_gym's scale, 1, or the specified scale multiplied or divided by legged_gym's scale.
-    In two more specifications, all terms in LEGGED_GYM_SCALES have these scales, or all of them have the scale 1.
+    In each correction, one term has legged_gym's scale, the scale 1, or the specified scale multiplied or divided by
+    legged_gym's scale. In two more corrections, all terms in LEGGED_GYM_SCALES have legged_gym's scales, or all of them
+    have the scale 1.
     """
     for name, legged_gym_scale in LEGGED_GYM_SCALES.items():
         for term in spec.terms:
@@ -103,7 +107,11 @@ def change_scales(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_history(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the history in the opposite direction, in the other layout, or both."""
+    """Yield corrections of a specification with another order of the numbers in the history.
+
+    The newest control step is at the other end of the history, or the history has the other layout (by term or by
+    time), or both.
+    """
     if all(term.history == 1 for term in spec.terms):
         return
     newest: Literal["first", "last"] = "last" if spec.history_newest == "first" else "first"
@@ -119,9 +127,10 @@ def change_history(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with another convention of a term.
+    """Yield corrections of a specification that change the meaning of a single observation term.
 
-    They change the meaning of the previous action, the zero of the joint positions, or the settings of a gait clock.
+    They change the form of the previous action (raw or scaled), the zero of the joint positions (default position or
+    0 rad), or the frequency or the threshold of a gait clock.
     """
     names = {term.name for term in spec.terms}
     if "previous_action" in names:
@@ -138,7 +147,10 @@ def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
-    """Yield specifications with another threshold or another frequency of a gait clock."""
+    """Yield corrections of a specification with another threshold or frequency of the gait clock `term`.
+
+    The threshold is the norm of the velocity command below which the clock is (0, 0).
+    """
     threshold = 0.0 if term.zero_below else CLOCK_THRESHOLD
     gated = f"a clock that is zero below a command of {threshold:g}"
     changed_setting = gated if threshold else "a clock that always runs"
@@ -151,7 +163,10 @@ def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
 
 
 def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the terms in another project's order, or with two adjacent ones swapped."""
+    """Yield corrections of a specification with another order of the observation terms.
+
+    The terms are in an order of TERM_ORDERS, or two adjacent terms are swapped.
+    """
     terms = spec.terms
     orders = [_sort_terms(terms, names) for names in TERM_ORDERS]
     orders += [(*terms[:index], terms[index + 1], terms[index], *terms[index + 2 :]) for index in range(len(terms) - 1)]
@@ -161,29 +176,35 @@ def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _sort_terms(terms: tuple[SpecTerm, ...], names: tuple[str, ...]) -> tuple[SpecTerm, ...]:
-    """Return the terms, sorted by the order of `names`; terms not in `names` keep their positions."""
+    """Return observation terms in the order of the term names `names`; other terms keep their positions."""
     known = [term for term in terms if term.name in names]
     in_order = iter(sorted(known, key=lambda term: names.index(term.name)))
     return tuple(next(in_order) if term.name in names else term for term in terms)
 
 
 def _map_terms(spec: PolicySpec, change: Callable[[SpecTerm], SpecTerm]) -> PolicySpec:
-    """Return the specification with the function `change` applied to each term."""
+    """Return the specification in which each observation term is replaced by the result of `change(term)`."""
     return replace(spec, terms=tuple(map(change, spec.terms)))
 
 
 def _with_clock(spec: PolicySpec, frequency: float, zero_below: float) -> PolicySpec:
-    """Return the specification with another `frequency`, Hz, and threshold `zero_below` of the gait clock."""
+    """Return the specification with another frequency, Hz, and threshold of the gait clock.
+
+    The gait clock is (0, 0) if the norm of the velocity command is below the threshold `zero_below`.
+    """
     change = partial(replace, clock=frequency, zero_below=zero_below)
     return _map_terms(spec, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
 def _scale_setter(scales: dict[str, Numbers]) -> Callable[[SpecTerm], SpecTerm]:
-    """Return a function that replaces the scale of a term by its scale in `scales`; the clip is unchanged."""
+    """Return a function that sets the scale of an observation term to its scale in `scales`.
+
+    `scales` maps names of terms to scales. The function returns other terms unchanged.
+    """
     return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
 
 
 def _paired(scale: Numbers, other: Numbers) -> Iterable[tuple[float, float]]:
-    """Return pairs of corresponding factors of two scales; a scale of one number is repeated."""
+    """Return pairs of corresponding factors of the two scales of a term; a single factor is repeated."""
     width = max(len(scale), len(other))
     return zip(scale * (width // len(scale)), other * (width // len(other)), strict=True)

@@ -1,6 +1,6 @@
-"""Search space of corrections of a specification.
+"""All corrections of an external policy's specification that are tried if the policy does not walk.
 
-A correction corrects one error, several errors in the order of the joints, or two errors of different kinds.
+A correction corrects one error, several errors in the order of the joints, or two different errors.
 """
 
 from collections.abc import Iterator
@@ -13,14 +13,14 @@ from quad_env.robots.robot import Robot
 
 
 def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Correction]:
-    """Yield corrections of a specification; no two of them result in the same specification.
+    """Yield all corrections of a specification; each one results in a different specification.
 
     Args:
-        spec: Specification with an error.
-        robot: Robot of the policy.
-        count: Number of errors in the order of the joints that are corrected together. 1: each of COMMON_ERRORS is
-            corrected alone. More than 1 is useful because Isaac Lab's joint order differs from Unitree's by several
-            errors.
+        spec: Specification that may have an error.
+        robot: Robot that the policy moves.
+        count: Number of corrected errors. 1: each of COMMON_ERRORS is corrected alone. More than 1: this number of
+            errors in the order of the joints is corrected together, and no other error. This is useful because the
+            joint orders of Isaac Lab and Unitree differ by several errors.
 
     Yields:
         Correction with its penalty.
@@ -33,14 +33,14 @@ def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Corr
 
 
 def second_corrections(first: Correction, robot: Robot) -> Iterator[Correction]:
-    """Yield combinations of a first correction with a second correction of another error.
+    """Yield combinations of a given correction with a second correction, which corrects another error.
 
     Args:
-        first: The first correction.
-        robot: Robot of the policy.
+        first: Given correction.
+        robot: Robot that the policy moves.
 
     Yields:
-        Correction that combines both, with the sum of their penalties.
+        Correction that combines both corrections, with the sum of their penalties.
     """
     for second in corrections(first.spec, robot):
         if second.error != first.error:
