@@ -1,6 +1,6 @@
-"""Controllers of quadruped robots, which compute joint targets from observations, in NumPy alone.
+"""Controllers (policies) of quadruped robots, which compute joint targets from observations with NumPy.
 
-A controller, called policy, controls a batch of n robots. Make it for an environment and call it at every control step:
+A policy controls a batch of n robots. Make the policy for an environment, and call it at every control step:
 
     policy = policies.make("trot", robot=env.robot, control_period=env.dt)
     policy.reset(num_envs=n)

@@ -1,9 +1,9 @@
-"""Gait controller of the article that this project started from, as printed and repaired.
+"""Trot controller from the article that this project started from: as printed, and repaired.
 
-The policy `document` is the printed controller, and `document_repaired` the repaired one. The printed controller
-collapses because of its axis conventions, and only serves as a demonstration. It computes the thigh angle from the +x
-axis, but the robot measures this angle from straight down. Its leg length ignores the lateral offset of the foot from
-the hip. Its stance phase starts half a step length behind the end of its swing phase.
+The policy `document` is the printed controller, and `document_repaired` is the repaired controller. The robot collapses
+with the printed controller, which serves only as a demonstration. It has three errors. It measures the thigh angle from
+the +x axis, but the robot measures this angle from straight down. Its leg length ignores the lateral offset of the foot
+from the hip. Its stance phase starts half a step length behind the end of the swing phase.
 """
 
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class PrintedGait(Parameters):
-    """Gait parameters of the trot controller in the article, with the printed values as defaults."""
+    """Gait parameters of the trot controller from the article, with the values in the article as defaults."""
 
     frequency: float = parameter(2.0, limits=(0.1, 50.0))
-    """Gait frequency: number of steps of each leg per second, Hz."""
+    """Gait frequency: number of gait cycles per second, Hz."""
     step_height: float = parameter(0.15, limits=(-1.0, 1.0))
     """Height of the foot above the ground at mid-swing, m."""
     step_length: float = parameter(0.1, limits=(-1.0, 1.0))
@@ -32,16 +32,16 @@ class PrintedGait(Parameters):
     body_height: float = parameter(0.25, limits=(-1.0, 1.0))
     """Height of the hip joint above a foot in stance, m."""
     foot_line: float = parameter(0.15, limits=(-1.0, 1.0))
-    """Lateral distance of the foot from the hip joint, positive away from the trunk, m."""
+    """Lateral distance of each foot from its hip joint, positive away from the trunk, m."""
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
-        """Compute the foot positions of the printed trot at a phase of the gait.
+        """Compute the foot positions of the trot in the article at a phase of the gait clock.
 
-        With the step length s, a swing foot moves from -s/2 to s/2 along a half sine. A stance foot moves backward by s
-        on the ground.
+        With the step length s, a swing foot moves forward from -s/2 to s/2; its height is a half sine. A stance foot
+        moves backward by s on the ground.
 
         Args:
-            robot: Robot that trots.
+            robot: Robot with the hip joints and the order of the legs.
             phase: Phase of the gait clock, (...), rad.
             stance_start: Forward position of a foot at the start of its stance phase, hip frame, m.
 
@@ -57,23 +57,23 @@ class PrintedGait(Parameters):
 
 
 def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
-    """Compute joint angles from foot positions by the inverse kinematics that the article prints.
+    """Compute joint angles from foot positions by the inverse kinematics in the article.
 
-    The formulas do not fit the axis conventions of the robot.
+    The formulas contradict the axis conventions of the robot, so that the feet do not reach the given positions.
 
     Args:
         robot: Robot with the link lengths.
         feet: Foot positions, each in the frame of its hip, (..., 3), m.
 
     Returns:
-        Angles of the hip, thigh and calf joint, (..., 3), rad; zero for feet that the leg cannot reach.
+        Angles of the hip, thigh and calf joint, (..., 3), rad; zero for foot positions that a leg cannot reach.
     """
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
     missed = (distance > robot.leg_length) | (distance < min_leg_length(robot))
     upper, lower = robot.thigh_length, robot.calf_length
     knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
-    # A distance of 0 is replaced, because the printed quotient would be 0/0.
+    # A distance of 0 is replaced, because the formula of the article would divide 0 by 0.
     safe = np.where(missed | (distance == 0.0), robot.leg_length, distance)
     inner = np.arccos(np.clip((upper**2 + safe**2 - lower**2) / (2.0 * upper * safe), -1.0, 1.0))
     pitch = np.arctan2(z, x) - inner
@@ -82,14 +82,14 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 
 
 class Document(GaitedPolicy):
-    """Trot controller exactly as the article prints it from which this project started.
+    """Trot controller exactly as it is printed in the article that this project started from.
 
-    It ignores the velocity command and the whole observation. Its motion starts at once, and is not blended in from the
-    home pose. Its joint targets are clipped to the joint limits.
+    The controller ignores the velocity command and the rest of the observation. The trot starts at once, with no blend
+    from the home pose. The joint targets are clipped to the joint limits.
 
     Args:
-        parameters: Gait parameters; the printed values by default.
-        **kwargs: See `Policy`.
+        parameters: Gait parameters; None for the values in the article.
+        **kwargs: Keyword arguments `robot` and `control_period` of `Policy`.
     """
 
     name = "document"
@@ -113,18 +113,20 @@ class Document(GaitedPolicy):
 
 
 class DocumentRepaired(Document):
-    """Trot controller of the article with only the repairs that it needs to walk.
+    """Trot controller from the article with only the repairs that it needs to walk.
 
-    It ignores the velocity command. The inverse kinematics are exact, with the thigh angle measured from straight down.
-    A stance foot starts where its swing ends, and moves from +s/2 to -s/2 with the step length s. The motion is blended
-    in from the home pose. All printed parameters are unchanged. A step height of 0.15 m at a body height of 0.25 m
-    needs a calf angle of -2.64 rad at mid-swing, beyond the joint limit of -2.5 rad. The target is clipped to this
-    limit, so that the foot rises 0.04 m less.
+    The controller ignores the velocity command. Its inverse kinematics are exact, with the thigh angle measured from
+    straight down. A stance foot starts where its swing phase ends, and moves from +s/2 to -s/2 with the step length s.
+    At the start, the joint targets are blended with the home pose.
+
+    All parameters have the values in the article. The step height of 0.15 m at a body height of 0.25 m needs a calf
+    angle of -2.64 rad at mid-swing, beyond the joint limit of -2.5 rad. The target is clipped to this limit, so that
+    the foot rises 0.04 m less.
     """
 
     name = "document_repaired"
     blend_time = 0.5
-    """Duration of the transition from the home pose to the gait, s; equal to one gait cycle."""
+    """Duration of the transition from the home pose to the gait at the start of an episode, s; one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
         """Return the joint targets at a `phase` of the gait clock, (...), rad.

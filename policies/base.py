@@ -1,4 +1,4 @@
-"""Base classes of all policies, which compute joint targets from observations for any number of robots."""
+"""Base classes of all policies, which compute joint targets from observations for n robots."""
 
 import math
 from abc import ABC, abstractmethod
@@ -19,14 +19,16 @@ from quad_env.sensing.height_scan import HeightScan, table_with
 from quad_env.task.observations import ObservationTerm, user_terms
 
 Actions = NDArray[np.float32]
+"""Type of actions: joint targets, (n, 12), rad."""
 Mask = NDArray[np.bool_]
+"""Type of boolean arrays, for example a selection of robots, (n,)."""
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
 """Default time between two control steps of the environment and of the policies, s."""
 
 
 class PolicyError(UserError, ValueError):
-    """Error for a policy that does not exist or cannot be loaded, with a message of one line.
+    """Error for a policy that does not exist or cannot be loaded; its message has one line.
 
     Args:
         fault: Cause of the error, the first part of the message.
@@ -40,21 +42,23 @@ class PolicyError(UserError, ValueError):
 
 
 class PolicyKwargs(TypedDict, total=False):
-    """Types of the keyword arguments that the constructors of all policies accept, see `Policy`."""
+    """Types of the keyword arguments `robot` and `control_period`, which all policy constructors accept."""
 
     robot: str | Robot
+    """Robot that the policy controls, or its name."""
     control_period: float
+    """Time between two control steps, s."""
 
 
 class Policy(ABC):
-    """Controller of a batch of n robots, made for one type of robot and one control period.
+    """Base class of controllers: a policy controls a batch of n robots of one type at one control period.
 
-    The policy has a separate state for each robot of the batch. The actions of a robot depend only on the observations
-    and resets of this robot. They are identical, bit for bit, for every batch size.
+    A subclass implements `_act`. The policy has a separate state for each robot of the batch. The actions for a robot
+    depend only on the observations and resets of this robot. They are identical, bit for bit, for every batch size.
 
     Args:
         robot: Robot or its name. The attribute `robot` of the policy is this robot with the servo gains that the policy
-            needs. Make the environment with this attribute.
+            needs. Make the environment with `robot=policy.robot`.
         control_period: Time between two calls of `act`, equal to `dt` of the environment, s.
 
     Raises:
@@ -62,12 +66,13 @@ class Policy(ABC):
     """
 
     name: str
+    """Name of the policy in results and messages, for example `trot`."""
     height_scan: HeightScan | None = None
-    """Height scan that the environment must have; None if the policy uses no height scan."""
+    """Height scan (grid of terrain heights) that the observation must have; None if the policy uses none."""
     observations: tuple[str | ObservationTerm, ...] = ()
-    """Additional observation terms that the policy needs.
+    """Names or definitions of the observation terms that the policy needs in addition to the standard observation.
 
-    The environment must be made with the same terms in the option `observations` of `gym.make`."""
+    The environment must be made with the same terms: `gym.make(..., observations=policy.observations)`."""
     stiff_servos: ClassVar[bool] = False
     """True if the policy uses the servo gains `stiff_servo` of the robot, because softer servos would sag too far."""
 
@@ -80,14 +85,14 @@ class Policy(ABC):
         initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
-        """Describe the robot and the control period of the policy, if an environment has other ones.
+        """Describe the robot and the control period of the policy if an environment has different ones.
 
         Args:
             robot: Robot of the environment.
             control_period: Control period of the environment, s.
 
         Returns:
-            The description, for an error message; empty if robot and control period are the same.
+            Part of an error message, `made for ..., not for ...`; empty if robot and control period are the same.
         """
         if self.robot == robot and math.isclose(self.control_period, control_period):
             return ""
@@ -95,14 +100,15 @@ class Policy(ABC):
         return f"{own}, not for {robot.name} with one of {control_period:g} s"
 
     def check_compatible(self, robot: Robot, control_period: float) -> None:
-        """Check that the policy was made for the robot, servo gains and control period of an environment.
+        """Check that the policy fits the robot, the servo gains and the control period of an environment.
 
         Args:
             robot: Robot of the environment, with its servo gains.
             control_period: Control period of the environment, s.
 
         Raises:
-            ValueError: The policy was made for another robot, control period or servo. The message gives a remedy.
+            ValueError: The policy was made for another robot, control period or other servo gains. The message names a
+                remedy.
         """
         if mismatch := self.mismatch(robot, control_period):
             raise ValueError(
@@ -121,14 +127,14 @@ class Policy(ABC):
         self.check_compatible(robot, control_period)
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start the policy for a batch of robots, each with the initial state of an episode.
+        """Reset the policy for a batch of robots, each at the start of an episode.
 
         Args:
             num_envs: Number of robots in the batch.
             seed: Seed for policies that draw random numbers. No policy of this project draws any.
 
         Raises:
-            ValueError: The number is not positive.
+            ValueError: `num_envs` is below 1.
         """
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
@@ -136,32 +142,32 @@ class Policy(ABC):
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
-        """Reset the state of the robots for which `mask`, (num_envs,) bool, is True.
+        """Reset the policy state of the robots for which `mask`, (num_envs,) bool, is True.
 
-        The other robots keep their state. Call this method when single robots start a new episode.
+        All other robots keep their policy state. Call this method when some robots start a new episode.
         """
         self._restart(validate_mask(np.asarray(mask), self.num_envs))
 
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
-        """Copy the state of another policy to some robots of this policy.
+        """Copy the per-robot state of another policy to some robots of this policy.
 
-        The training of a residual uses the method for base policies. The method does not copy the state of a policy
-        that is an attribute of the policy.
+        The training of residual policies uses this method for base policies. The state of a policy inside this policy,
+        for example inside `Safe`, is not copied.
 
         Args:
             mask: True for robots of this policy that receive a state, (n,) bool.
-            other: Policy with the same constructor arguments, and one robot for each True in `mask`.
+            other: Policy that was made with the same arguments, with one robot for each True in `mask`.
         """
         copy_rows(self, validate_mask(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
-        """Compute the action of a control step from an observation.
+        """Compute the action for one control step from an observation.
 
         Args:
-            observation: Observation of n robots, (n, k), or of one robot, (k,).
+            observation: Observation of n robots, (n, k), or of a single robot, (k,).
 
         Returns:
-            Action: joint targets within the joint limits, (n, 12) or (12,), float32, rad.
+            Action: joint targets within the joint limits, float32, rad; (n, 12), or (12,) for a single robot.
         """
         if not is_allocated(self):
             self._allocate(self.num_envs)
@@ -170,10 +176,10 @@ class Policy(ABC):
         return actions[0] if single else actions
 
     def _to_batch(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
-        """Check an observation, and convert it to a batch.
+        """Check an observation, and convert it to a float32 array for a batch of robots, (n, k).
 
-        Returns the observation, (n, k), and True if it was given for one robot, (k,). Raises ValueError if the shape of
-        the observation does not fit the policy.
+        The second item of the result is True if the observation was given for a single robot, (k,). Raises ValueError
+        if the shape of the observation does not fit the policy.
         """
         rows = np.asarray(observation, dtype=np.float32)
         single = rows.ndim == 1
@@ -191,22 +197,22 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace NaN and infinite values in an observation `rows`, (n, k).
+        """Return the observation `rows`, (n, k), with finite numbers in place of NaN and infinite values.
 
-        This default implementation raises ValueError. A subclass that tolerates missing values overrides it.
+        This default implementation raises ValueError. A subclass that accepts missing sensor values overrides it.
         """
         raise ValueError("observation must be finite")
 
     @abstractmethod
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        """Compute the joint targets, (n, 12), rad, from an observation, (n, k), with the checked shape."""
+        """Compute the joint targets, (n, 12), rad, for one control step from a checked observation, (n, k)."""
 
     def _allocate(self, num_envs: int) -> None:
-        """Allocate the state arrays, which are declared with `per_robot`, for `num_envs` robots at their start."""
+        """Allocate the state arrays (declared with `per_robot`) for `num_envs` robots, with initial values."""
         allocate(self, num_envs)
 
     def _reset_rows(self, mask: Mask) -> None:
-        """Reset the state of the robots for which `mask`, (n,), is True."""
+        """Reset the policy state of the robots for which `mask`, (n,) bool, is True."""
         reset_rows(self, mask)
 
     def _restart(self, mask: Mask) -> None:
@@ -217,16 +223,19 @@ class Policy(ABC):
 class GaitedPolicy(Policy):
     """Base class of policies with a gait clock for each robot.
 
-    A clock starts at phase 0. It advances by one control period before each action, also before the first action.
+    A gait clock starts at phase 0 in each episode. It advances by one control period before each action, also before
+    the first action.
     """
 
     frequency: float
     """Gait frequency: gait cycles per second, Hz."""
     stiff_servos = True
     leg_offsets: tuple[float, ...]
-    """Phase of each leg minus the phase of the gait clock, rad, for the gait with which an episode starts."""
+    """Phase of each leg minus the phase of the gait clock, (4,), rad, in the first gait of an episode."""
     _phase: Floats = per_robot(0.0)
+    """Phase of the gait clock of each robot, (n,), in [0, 2π) rad."""
     _ticks: Floats = per_robot(0.0)
+    """Number of control steps of each robot since its reset, (n,)."""
 
     @property
     def phase(self) -> Floats:
@@ -236,23 +245,23 @@ class GaitedPolicy(Policy):
     def _tick(self, faster: Floats | float = 0.0) -> None:
         """Advance the gait clocks by one control period.
 
-        `faster`, (n,) or a number, Hz, is added to the gait frequency.
+        The gait frequency in this step is `frequency` + `faster`; `faster` is a number or an array, (n,), Hz.
         """
-        # Each step makes a new array, because callers may still hold the array that `phase` returned before.
+        # Each step makes a new array, because a caller may still use the array that `phase` has returned.
         self._phase = advance_phase(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
-        """Blend joint targets with the home pose, so that a gait starts smoothly.
+        """Compute the weighted mean of home pose and joint targets, so that a gait starts smoothly.
 
         The weight of `targets`, (n, 12), rad, rises from 0 to 1 over the first `duration` seconds of an episode. The
-        result, (n, 12), rad, is the weighted mean of home pose and targets.
+        result has the shape (n, 12), rad.
         """
         share = np.minimum(self._ticks * (self.control_period / duration), 1.0)
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
-        # The formula is also valid for robots that have finished the blend: at weight 1 the home pose adds zero.
+        # The formula also holds for robots after the blend, because the home pose has the weight 0 then.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
@@ -278,8 +287,8 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 def to_actions(robot: Robot, targets: Floats) -> Actions:
     """Convert joint targets to actions: float32, clipped to the joint limits.
 
-    The function adds zero, which turns -0.0 into 0.0. Therefore a residual policy that later adds a correction of zero
-    gives exactly the same bits.
+    The function adds zero, because this turns -0.0 into 0.0. A residual policy that adds a correction of zero then
+    gives exactly the same bits as its base policy.
 
     Args:
         robot: Robot with the joint limits.
@@ -299,5 +308,5 @@ def within_limits(robot: Robot, actions: Actions) -> Actions:
 
 
 def flat_joints(legs: Floats) -> Floats:
-    """Reshape joint angles from legs and joints of a leg, (..., 4, 3), to all joints in a row, (..., 12)."""
+    """Reshape joint angles of the `legs`, (..., 4 legs, 3 joints), to one axis for all joints, (..., 12)."""
     return legs.reshape(*legs.shape[:-2], legs.shape[-2] * legs.shape[-1])

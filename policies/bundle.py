@@ -1,7 +1,7 @@
-"""Policy bundle: folder with a trained policy, as data only.
+"""Policy bundle: folder with a trained policy, in two files that contain data and no code.
 
-The file `policy.safetensors` has the weights of the network. The file `policy.json` is the description: all other data
-of the policy. `load` checks every field, and compares the SHA-256 of both files with the stored ones.
+The file `policy.safetensors` has the weights of the network. The file `policy.json`, the description, has all other
+data of the policy. `load` checks every field, and compares the SHA-256 of both files with the stored SHA-256.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
 BEST = "best"
-"""Name of the subfolder of a training run with the policy bundle of the best validation."""
+"""Name of the subfolder of a training run that has the policy bundle with the best validation result."""
 MAX_DESCRIPTION_SIZE = 2**22
 """Largest accepted size of a file `policy.json`, bytes. The files of this project have about 20 000 bytes."""
 
@@ -44,12 +44,12 @@ MAX_DESCRIPTION_SIZE = 2**22
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
     """Write a trained policy as a policy bundle, a folder with two files.
 
-    Each file is written completely or not at all. Raises OSError if the folder is not writable.
+    Each file is written completely or not at all. OSError is raised if the folder is not writable.
 
     Args:
-        path: Folder of the bundle. It is made if it does not exist.
+        path: Folder of the bundle. The function makes the folder if it does not exist.
         policy: Trained policy.
-        training: All settings of the training, as JSON values.
+        training: All settings of the training: name -> JSON value.
         git_revision: Git revision of the code that trained the policy.
     """
     folder = Path(path)
@@ -62,13 +62,13 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
 
 
 def copy(folder: Path, to: Path) -> None:
-    """Copy the policy bundle in `folder` to the folder `to`: first the weights, then the description.
+    """Copy a policy bundle to another folder: first the file with the weights, then the description.
 
     Raises OSError if a file cannot be read or written.
 
     Args:
         folder: Folder of the bundle.
-        to: Folder of the copy, which is made if needed.
+        to: Folder of the copy. The function makes the folder if it does not exist.
     """
     to.mkdir(parents=True, exist_ok=True)
     for name in (WEIGHTS, DESCRIPTION):
@@ -80,11 +80,12 @@ def load(
 ) -> ResidualPolicy:
     """Load the trained policy in a policy bundle.
 
-    Raises PolicyError if a file is missing or damaged, or does not fit this version or the robot.
+    Raises PolicyError if a file is missing or damaged, or does not fit this version of the project or the robot.
 
     Args:
-        path: Folder of a policy bundle or of a training run. For a run, the bundle of its best validation is loaded.
-        robot: Robot of the policy, or its name. None for the robot in the bundle, which must then be in
+        path: Folder of a policy bundle or of a training run. For a training run, the bundle with the best validation
+            result is loaded.
+        robot: Robot of the policy, or its name. None for the robot that the bundle names; it must then be one of
             `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
         actuator: Actuator model of the joints; used by a model-based base policy.
@@ -107,9 +108,9 @@ def load(
 
 
 def find_bundle_folder(folder: Path) -> Path:
-    """Return the path of the policy bundle in a `folder`, which is a bundle itself or a training run.
+    """Return the path of a policy bundle: the `folder` itself, or its subfolder BEST if it is a training run.
 
-    Raises PolicyError if the folder has no policy bundle.
+    Raises PolicyError if there is no policy bundle.
     """
     if (folder / DESCRIPTION).exists():
         return folder
@@ -124,7 +125,10 @@ def find_bundle_folder(folder: Path) -> Path:
 
 
 def _read(file: Path, limit: int) -> bytes:
-    """Read a file of a policy bundle, of at most `limit` bytes. Raises PolicyError if it cannot be read."""
+    """Return the content of a `file` of a policy bundle.
+
+    Raises PolicyError if the file cannot be read, for example because it has more than `limit` bytes.
+    """
     try:
         return read_bytes(file, limit)
     except OSError as error:

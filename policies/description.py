@@ -1,7 +1,7 @@
-"""Description of a trained policy: the file `policy.json` of a policy bundle, and the checks of its fields.
+"""Description of a trained policy: the file `policy.json` of a policy bundle, and its checks.
 
-A damaged file is rejected with a message of one line. A file is also rejected if the layout or the scales of its
-observation differ from the environment, because its network would silently run on wrong inputs.
+A damaged file is rejected with a message of one line. A file is also rejected if the layout or the scales of the
+observation in the file differ from the environment, because the network would then compute with wrong inputs.
 """
 
 import hashlib
@@ -31,13 +31,13 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
-"""Version of the format of the file `policy.json`."""
+"""Version of the file format of `policy.json`, stored in its field `schema_version`."""
 DESCRIPTION = "policy.json"
-"""File name of the description of a policy in its bundle."""
+"""Name of the file with the description in a policy bundle (folder with a trained policy)."""
 WEIGHTS = "policy.safetensors"
-"""File name of the network weights in a policy bundle."""
+"""Name of the file with the network weights in a policy bundle (folder with a trained policy)."""
 DIGEST = "description_sha256"
-"""Name of the field of `policy.json` with the SHA-256 of all other fields."""
+"""Name of the field of `policy.json` that has the SHA-256 of all other fields."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -45,16 +45,18 @@ _REMOVED_FIELDS = {
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Removed field of `policy.json`, which older versions wrote -> the only value that this version accepts."""
+"""Name of each removed field of `policy.json` -> the only value of this field that this version accepts.
+
+Older versions of the project wrote these fields. With the accepted value, the removed feature was not used."""
 _MAX_WEIGHT = 1e6
 """Largest absolute value of a network weight or bias that is accepted in a policy bundle."""
 
 
 @dataclass(frozen=True)
 class BundleFields(Settings):
-    """Fields of the file `policy.json`, as JSON values.
+    """Fields of the file `policy.json`, which describes a trained policy, as JSON values.
 
-    Files of older versions may lack the fields that have a default value here.
+    Fields with a default value may be missing, because older versions of the project did not write them.
     """
 
     schema_version: Literal[1]
@@ -90,7 +92,7 @@ def describe_policy(
 
     Args:
         policy: Trained policy.
-        training: All settings of the training, as JSON values.
+        training: All settings of the training: name -> JSON value.
         git_revision: Git revision of the code that trained the policy.
         weights_sha256: SHA-256 of the file with the network weights.
 
@@ -118,9 +120,9 @@ def describe_policy(
 
 
 def description_digest(description: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a policy description (field name -> JSON value), in hexadecimal digits.
+    """Return the SHA-256 of a policy `description` (field name -> JSON value), in hexadecimal digits.
 
-    The field `DIGEST`, in which this hash is stored, is left out.
+    The field `DIGEST` does not contribute to the hash, because the hash is stored in it.
     """
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
@@ -129,11 +131,11 @@ def description_digest(description: Mapping[str, Any]) -> str:
 def check_unaltered(place: Path, content: bytes) -> None:
     """Check that the description of a policy was not changed after it was written.
 
-    The check compares the digest in the file with the other fields, and raises PolicyError if they differ.
-    Descriptions of older versions have no digest and pass the check.
+    The check computes the SHA-256 of the other fields, and raises PolicyError if it differs from the field `DIGEST`.
+    Descriptions of older versions have no field `DIGEST` and pass the check.
 
     Args:
-        place: Folder of the policy bundle, which the error message names.
+        place: Folder of the policy bundle, for the error message.
         content: Content of the file `policy.json`.
     """
     values = parse_json(content)
@@ -142,16 +144,16 @@ def check_unaltered(place: Path, content: bytes) -> None:
 
 
 def parse_description(place: Path, content: bytes) -> BundleFields:
-    """Parse the file `policy.json` of a policy bundle, and check all fields that do not depend on the robot.
+    """Parse the file `policy.json` of a policy bundle, and check the fields that need no robot.
 
     PolicyError is raised if a field is missing, unknown or out of range.
 
     Args:
-        place: Folder of the policy bundle, which the error message names.
+        place: Folder of the policy bundle, for the error message.
         content: Content of the file `policy.json`.
 
     Returns:
-        The fields of the file.
+        Checked fields of the file.
     """
     try:
         values = parse_json(content)
@@ -184,10 +186,10 @@ def assemble_policy(
 ) -> ResidualPolicy:
     """Make a trained policy from its description and its network.
 
-    PolicyError is raised if the description does not fit this version of the environment or the robot.
+    PolicyError is raised if the description does not fit this version of the environment, or does not fit the robot.
 
     Args:
-        place: Folder of the policy bundle, which error messages name.
+        place: Folder of the policy bundle, for error messages.
         description: Fields of the file `policy.json`.
         network: Network of the policy.
         robot: Robot of the policy; None for the built-in robot that the description names.
@@ -195,7 +197,7 @@ def assemble_policy(
         actuator: Actuator model of the joints; used by a model-based base policy.
 
     Returns:
-        The policy.
+        The trained policy, with the robot and the servo gains of its training.
     """
     robot = _trained_robot(place, description, robot)
     try:
@@ -210,7 +212,8 @@ def assemble_policy(
 def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan | None) -> None:
     """Raise ValueError if a policy was trained in another environment or on another model of the robot.
 
-    The environment is another one if its name, joints, or layout or scales of the observation differ.
+    The name of the environment, the joint names, and the layout and the scales of the observation must be the same. So
+    must be the SHA-256 of the robot model, if the `description` has it. `scan` is the height scan of the base policy.
     """
     for name, expected in _environment_fields(robot, scan).items():
         if (actual := getattr(description, name)) != expected:
@@ -222,11 +225,11 @@ def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan
 def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
     """Return the robot that a policy was trained on, with the servo gains of the training.
 
-    The given robot is used if its name or the SHA-256 of its model is the one in the description. Otherwise the
+    The argument `robot` is used if its name or the SHA-256 of its model is the one in the `description`. Otherwise the
     built-in robot with the name in the description is used. Descriptions from before version 0.3 have no servo gains;
-    the robot then has stiff servos.
+    the robot then has the gains `stiff_servo`.
 
-    Raises PolicyError if there is no robot with that name, or the servo gains do not fit it.
+    Raises PolicyError if there is no robot with that name, or if the servo gains do not fit the robot.
     """
     name = description.robot
     trained_on = description.model_sha256
@@ -257,12 +260,12 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
     PolicyError is raised if the arrays do not fit each other or the description.
 
     Args:
-        folder: Folder of the policy bundle, which the error message names.
-        shape: Field `network` of the description: layer widths and activation.
+        folder: Folder of the policy bundle, for the error message.
+        shape: Field `network` of the description: layer widths and name of the activation function.
         tensors: Tensor name, for example "0.weight" -> weights or biases of a layer.
 
     Returns:
-        The network.
+        Network with these weights and biases.
     """
     count = len(tensors) // 2
     try:
@@ -280,8 +283,8 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
 def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
     """Return the fields of `policy.json` that identify the environment in which the policy was trained.
 
-    They are the name of the environment, the joint names, and the columns (term name -> [start, stop]) and scales of
-    the observation.
+    The result is a dictionary field name -> JSON value. The fields are the name of the environment, the joint names,
+    the columns of the observation (term name -> [start, stop]) and its scales.
     """
     table = table_with(robot, scan)
     return {
@@ -293,11 +296,11 @@ def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]
 
 
 def fail(folder: Path, reason: str) -> NoReturn:
-    """Raise PolicyError with a message of one line: the policy in `folder` cannot be loaded, for a `reason`.
+    """Raise PolicyError because the policy in a folder cannot be loaded.
 
     Args:
         folder: Folder of the policy bundle.
-        reason: Reason why the policy cannot be loaded.
+        reason: Reason for the error message, one line.
 
     Raises:
         PolicyError: Always.

@@ -1,8 +1,8 @@
 """Gait cycle: a gait clock for the robot, a phase offset for each leg, and a duty factor.
 
 The duty factor is the fraction of the cycle that a foot is on the ground. The cycle of a leg starts with its swing
-phase: the leg swings while its phase is below 2π(1 - duty), and is in stance after that. Legs are ordered fl, fr, hl,
-hr (fore left, fore right, hind left, hind right).
+phase: the leg swings while its phase is below 2π(1 - duty), and is in stance after that. The order of the legs is fl,
+fr, hl, hr (fore left, fore right, hind left, hind right).
 """
 
 from dataclasses import dataclass
@@ -13,18 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+"""Type of arrays of numbers."""
 
 TURN = 2.0 * np.pi
 """Phase of one full gait cycle, 2π rad."""
 
 
 class LegCycle(NamedTuple):
-    """State of each leg in its gait cycle; both arrays have the same shape, for example (..., 4) from `Gait.legs`."""
+    """Swing or stance phase of legs, and the elapsed fraction of this phase.
+
+    Both arrays have the same shape; the last axis usually runs over the four legs.
+    """
 
     swing: NDArray[np.bool_]
-    """True for legs in the swing phase, with the foot in the air."""
+    """True for legs in the swing phase (foot in the air), False for legs in the stance phase."""
     progress: Floats
-    """Elapsed fraction of the current swing or stance phase of each leg, from 0 up to 1."""
+    """Elapsed fraction of the current swing or stance phase of each leg, from 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Gait:
     """Gait: periodic footfall pattern, defined by the phase offsets of the legs and the duty factor."""
 
     offsets: tuple[float, ...]
-    """Phase of each leg minus the phase of the gait clock, in the order fl, fr, hl, hr, rad."""
+    """Phase of each leg (fl, fr, hl, hr) minus the phase of the gait clock, (4,), rad."""
     duty: float = 0.5
     """Duty factor: fraction of the gait cycle that a foot is on the ground, above 0 and below 1."""
 
@@ -47,19 +51,19 @@ class Gait:
         return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
 
     def legs(self, phase: ArrayLike) -> LegCycle:
-        """Return the swing or stance state of each leg, (..., 4), at a `phase` of the gait clock, (...), rad."""
+        """Return the swing or stance phase of each leg, (..., 4), for a `phase` of the gait clock, (...), rad."""
         return leg_cycles(leg_phases(phase, self.offsets), self.duty)
 
 
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
-    """Return the swing or stance state of legs from their phases and the duty factor.
+    """Compute the swing or stance phase of legs from their phases in the gait cycle and the duty factor.
 
     Args:
-        phases: Phases, (...), in [0, 2π) rad.
-        duty: Fraction of the cycle that a foot is on the ground.
+        phases: Phase of each leg in its gait cycle, (...), in [0, 2π) rad.
+        duty: Duty factor: fraction of the gait cycle that a foot is on the ground.
 
     Returns:
-        Swing or stance of each leg, and its progress.
+        Swing or stance phase of each leg, and the elapsed fraction of this phase, (...).
     """
     fraction = phases / TURN
     swing_share = 1.0 - duty
@@ -68,22 +72,22 @@ def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
 
 
 def smoothstep(progress: Floats) -> Floats:
-    """Return the cubic polynomial that rises from 0 to 1 for a `progress` from 0 to 1.
+    """Return 3 t² - 2 t³ for t = `progress`, a smooth rise from 0 at t = 0 to 1 at t = 1.
 
-    The slope is 0 at both ends, so that a motion that follows the polynomial starts and ends at rest.
+    The slope is 0 at both ends. A motion that follows this polynomial therefore starts and ends at rest.
     """
     return progress * progress * (3.0 - 2.0 * progress)
 
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
-    """Return the phase of each leg, (..., 4), in [0, 2π) rad.
+    """Compute the phase of each leg in its gait cycle from the phase of the gait clock.
 
     Args:
         phase: Phase of the gait clock, (...), rad.
-        offsets: Phase offset of each leg, (4,), rad.
+        offsets: Phase of each leg minus the phase of the gait clock, (4,), rad.
 
     Returns:
-        Sum of phase and offset of each leg, modulo 2π.
+        Phase of each leg, (..., 4), in [0, 2π) rad.
     """
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
@@ -103,7 +107,7 @@ def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Fl
 
 
 def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """Map a velocity command to the input of a gait at which the robot actually moves at the commanded velocity.
+    """Map a velocity command to the gait input with which the robot moves at the commanded velocity.
 
     The linear map compensates systematic velocity errors of an open-loop gait.
 
@@ -114,7 +118,7 @@ def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) 
         yaw_rate: Commanded yaw rate, rad/s.
 
     Returns:
-        Input of the gait: forward velocity, m/s; lateral velocity, m/s; and yaw rate, rad/s.
+        Three arrays, the input of the gait: forward velocity, m/s; lateral velocity, m/s; and yaw rate, rad/s.
     """
     return (
         gains.forward_gain * forward + gains.forward_bias,

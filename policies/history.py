@@ -1,4 +1,7 @@
-"""History of observations as inputs of a policy network: single past observations, and exponential averages."""
+"""History of observations as inputs of a policy network.
+
+It consists of single past observations and of exponential moving averages of the observation.
+"""
 
 import math
 import sys
@@ -12,12 +15,14 @@ from policies.memory import PerRobotState, per_robot
 from quad_env.config import Bounds, Settings
 
 Frames = NDArray[np.float32]
+"""Type of scaled observations, (n, k)."""
 Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.0)]
+"""Type of the age of an observation or the time constant of an average, s."""
 
 
 @dataclass(frozen=True)
 class Inputs(Settings):
-    """Inputs of a policy network in addition to the current observation and the action of the base policy."""
+    """Inputs that a policy network gets in addition to the observation and the base policy's action."""
 
     lags: tuple[Age, ...] = ()
     """Ages of the past observations that are network inputs, s; rounded to whole control steps."""
@@ -28,29 +33,32 @@ class Inputs(Settings):
 
     @property
     def frames(self) -> int:
-        """Number of past observations and averages of observations that are network inputs."""
+        """Number of past observations, plus number of averaged observations, that are network inputs."""
         return len(self.lags) + len(self.averages)
 
 
 class History(PerRobotState):
-    """Past observations of n robots and exponential averages of them, as network inputs.
+    """Past observations of n robots and their exponential moving averages, as network inputs.
 
-    A frame is the scaled observation of a robot in one control step. Until the history is long enough, the first frame
-    after a reset takes the place of earlier ones.
+    A frame is the scaled observation of a robot in one control step. The first frame after a reset also stands for all
+    frames before the reset.
 
     Args:
         inputs: Ages of the past frames, and time constants of the averages.
-        width: Number of values in a frame.
+        width: Number of elements of a frame.
         control_period: Time between two calls of `update`, s.
     """
 
     _past: Frames = per_robot(axis=1)
+    """Ring buffer of the last frames, (length, n, k)."""
     _averages: Frames = per_robot(axis=1)
+    """Exponential moving averages of the frames, (number of averages, n, k)."""
     _new: NDArray[np.bool_] = per_robot(True)
+    """True for robots that have no frame since their reset, (n,)."""
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
-        """Number of values that `update` returns for each robot: past frames and averages together."""
+        """Number of elements that `update` returns for each robot, for past frames and averages together."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._now = 0
@@ -58,26 +66,26 @@ class History(PerRobotState):
         super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the history of the robots for which `mask`, (n,), is True."""
+        """Reset the robots for which `mask`, (n,) bool, is True: their next frame replaces the whole history."""
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Copy the past frames and averages of another history to some robots of this one.
+        """Copy the past frames and averages of another history to some robots of this history.
 
-        The frames are shifted, because each history has its own index of the newest frame in its ring buffer.
+        The frames are shifted along the ring buffer, because its index of the newest frame differs between histories.
 
         Args:
-            mask: True for robots of this history that receive frames, (n,) bool.
+            mask: True for robots of this history that receive frames and averages, (n,) bool.
             other: History with the same inputs, and one robot for each True in `mask`.
         """
         super().copy_state_from(mask, other)
         self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
 
     def update(self, frame: Frames) -> Frames:
-        """Add the newest frame of all robots, and return the past frames and the averages.
+        """Add the newest frame of all robots, and return the past frames and averages that are network inputs.
 
-        `frame`, (n, k), is the scaled observation. The columns of the result, (n, `width`), are first the past frames
-        in the order of the lags, then the averages.
+        `frame`, (n, k), is the scaled observation of this control step. The columns of the result, (n, `width`), are
+        first the past frames in the order of `Inputs.lags`, then the averages in the order of `Inputs.averages`.
         """
         if self._new.any():
             self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]

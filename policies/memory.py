@@ -1,8 +1,8 @@
-"""State of controllers with one entry per robot, and gains of low-pass filters.
+"""Per-robot state of controllers, and gains of low-pass filters.
 
-The state is allocated for n robots, reset for single robots, and copied between objects. A class declares each array
-with `per_robot`. The array is an ordinary attribute of its object, with one entry per robot along one axis.
-`initialize_state` allocates it for one robot in the constructor; `allocate` does so for n robots.
+The state consists of arrays with one axis that runs over the robots. It is allocated for n robots, reset for single
+robots, and copied between objects. A class declares each array with `per_robot`. In an object, the array is an ordinary
+attribute. `initialize_state` allocates the arrays for one robot in the constructor; `allocate` does so for n robots.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,26 +14,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _FROM_CONSTRUCTOR = object()
-"""Marker for a state array with an initial value that the constructor passes to `initialize_state`."""
+"""Marker in place of an initial value: the constructor of the object passes the value to `initialize_state`."""
 
 
 @dataclass(frozen=True, eq=False)
 class PerRobotArray:
-    """Declaration of a state array with one entry per robot, made by `per_robot`."""
+    """Declaration of a state array with an axis over the robots, made by `per_robot`."""
 
     initial: Any
-    """Initial value for one robot, or a function that takes the object with the array and returns this value."""
+    """Initial value for one robot, or a function that returns it for the object with the array as argument."""
     axis: int
     """Index of the array axis that runs over the robots."""
 
 
 def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
-    """Declare a state array of a `Policy` or a `PerRobotState` that has one entry per robot.
+    """Declare a state array of a `Policy` or a `PerRobotState` with an axis over the robots.
 
     Args:
-        initial: Initial value for one robot. It defines the type of the array and the shape of an entry. If it is a
+        initial: Initial value for one robot. It defines the type of the array and its shape for one robot. If it is a
             function, it is called with the object at each reset and returns the value. If it is omitted, the
-            constructor passes the value to `initialize_state`.
+            constructor of the object passes the value to `initialize_state`.
         axis: Index of the array axis that runs over the robots.
 
     Returns:
@@ -45,9 +45,9 @@ def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
 class PerRobotState:
     """Base class of objects with a separate state for each robot of a batch.
 
-    Arrays that are declared with `per_robot` have one entry per robot. If an attribute, or a value in an attribute of
-    type dict, is itself a `PerRobotState`, it is allocated, reset and copied together with the object. A subclass calls
-    this constructor at the end of its own constructor.
+    A subclass declares its state arrays with `per_robot`. It calls this constructor at the end of its own constructor.
+    If an attribute of the object is itself a `PerRobotState`, it is allocated, reset and copied together with the
+    object. So is every `PerRobotState` in a dictionary that is an attribute.
 
     Args:
         **initial_values: Name of the array -> its initial value for one robot, for arrays that are declared without an
@@ -58,11 +58,11 @@ class PerRobotState:
         initialize_state(self, **initial_values)
 
     def reset(self, num_envs: int) -> None:
-        """Allocate the state for `num_envs` robots, each with the initial values."""
+        """Allocate all state arrays for `num_envs` robots, with the initial values of each array."""
         allocate(self, num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Set the state of the robots for which `mask`, (n,), is True to the initial values."""
+        """Set the state of the robots for which `mask`, (n,) bool, is True to the initial values."""
         reset_rows(self, mask)
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: Any) -> None:
@@ -78,8 +78,8 @@ class PerRobotState:
 def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
     """Allocate the state arrays of an object for one robot.
 
-    The constructor of the object calls the function at its end. An array is skipped if its initial value is a function
-    or is not known yet. A later call of this function or of `allocate` allocates this array.
+    The constructor of the object calls this function at its end. An array is skipped if its initial value is a function
+    or is not known yet. A later call of `initialize_state` or of `allocate` allocates this array.
 
     Args:
         owner: Object of a class that declares arrays with `per_robot`.
@@ -120,10 +120,9 @@ def allocate(owner: Any, num_envs: int) -> None:
 
 
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
-    """Reset the state arrays of some robots, also in nested state objects.
+    """Set the state of some robots to the initial values, also in nested state objects.
 
-    Each array is replaced by a new one. If a caller has kept a reference to the previous array, its values do not
-    change.
+    Each array is replaced by a new array. An old array that a caller still uses does not change.
 
     Args:
         owner: Object with the state.
@@ -136,7 +135,7 @@ def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
 
 
 def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
-    """Copy the state arrays of another object of the same class, also in nested state objects.
+    """Copy the state of another object of the same class to some robots, also in nested state objects.
 
     Args:
         owner: Object that receives the state.
@@ -170,7 +169,10 @@ def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
 
 
 def nested_states(owner: Any) -> Iterator[PerRobotState]:
-    """Yield each attribute of `owner`, and each value in an attribute of type dict, that is a `PerRobotState`."""
+    """Yield the nested state objects of `owner`.
+
+    They are its attributes of type `PerRobotState`, and the values of this type in its attributes of type dict.
+    """
     for attribute in vars(owner).values():
         for value in attribute.values() if isinstance(attribute, dict) else (attribute,):
             if isinstance(value, PerRobotState):
@@ -178,9 +180,10 @@ def nested_states(owner: Any) -> Iterator[PerRobotState]:
 
 
 def _initial_value(owner: Any, name: str, array: PerRobotArray) -> NDArray[Any]:
-    """Return the initial value of the state array `name` for one robot.
+    """Return the initial value of the state array `name` of `owner` for one robot.
 
-    The result has an additional axis of length one, which runs over the robots.
+    `array` is the declaration of the array. The result has an additional axis of length one, which runs over the
+    robots.
     """
     values: dict[str, Any] = vars(owner).get("_initial_values", {})
     value = values.get(name, array.initial)
@@ -197,7 +200,7 @@ def _set_robots(owner: Any, name: str, axis: int, mask: NDArray[np.bool_], value
         name: Name of the array.
         axis: Index of the array axis that runs over the robots.
         mask: True for robots with new values, (n,).
-        values: New values of these robots.
+        values: New array elements of these robots, with the robots along `axis`.
     """
     array = getattr(owner, name).copy()
     array[(slice(None),) * axis + (mask,)] = values
@@ -220,8 +223,8 @@ def lowpass_gain(control_period: float, time_constant: float) -> float:
 def warm_start_gain(gain: float | NDArray[np.float64], sample_count: NDArray[Any]) -> NDArray[np.float64]:
     """Return max(gain, 1 / sample_count), the gain of a low-pass filter that starts as a running mean.
 
-    The first outputs are the mean of all samples since the reset. After 1 / gain samples the filter has its constant
-    gain.
+    At first, the output of the filter is the mean of all samples since the reset. After 1 / `gain` samples, the filter
+    has its constant gain.
 
     Args:
         gain: Gain of the filter after the start, see `lowpass_gain`.

@@ -1,15 +1,16 @@
-"""Multilayer perceptron in NumPy, with results that are bit-identical on every BLAS library and processor.
+"""Multilayer perceptron in NumPy; its results are bit-identical on every BLAS library and processor.
 
-A rounded sum depends on the order of its terms, and BLAS kernels use different orders. Therefore all sums of a layer
-are computed exactly, as follows. The inputs of a layer are multiples of 2^-20 within ±2^6. Each column of weights is on
-a grid of 2^-27 times a power of two above the sum of the absolute values in the column. All products and partial sums
-are then multiples of the product of the two grids, at most 2^53 times as large, which float64 holds exactly. The
-outputs differ from a float32 network by about 1e-6.
+A rounded sum depends on the order of its terms, and BLAS libraries use different orders. Therefore all sums of a layer
+are computed exactly, as follows. The inputs of a layer are rounded to multiples of a step, 2^-20, and clipped to ±2^6.
+The weights in a column are rounded to multiples of another step. This step is 2^-27 times a power of two above the sum
+of the absolute weights in the column. All products and partial sums are then multiples of the product of both steps, at
+most 2^53 times as large. A float64 represents these multiples exactly. The outputs differ from the outputs of a float32
+network by about 1e-6.
 
-The last bits of a library's exp also depend on the processor. So the activation uses only additions, multiplications
-and divisions, which IEEE 754 rounds in the same way everywhere. A piece consists of all float32 numbers with the same
-sign, exponent and first nine bits of the fraction. On each piece the activation is replaced by the chord between its
-ends, within 3e-7.
+The last bits of exp in a library also depend on the processor. The activation function therefore uses only additions,
+multiplications and divisions, which IEEE 754 rounds in the same way everywhere. It is piecewise linear. A piece
+consists of all float32 numbers with the same sign, exponent and first nine bits of the fraction. On each piece, the
+exponential linear unit is replaced by the chord between the ends of the piece; the error is below 3e-7.
 """
 
 import math
@@ -20,18 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
+"""Type of float64 arrays."""
 LIMIT = 64.0
-"""Absolute value of the input beyond which the activation function is constant.
+"""Limit of the absolute value of the inputs of a layer; beyond it, the activation function is constant.
 
-It is about ten times the size of the sums in the layers of the networks of this project."""
+The sums in the layers of this project's networks are about ten times smaller."""
 _PIECE_BITS = 9
 """Number of fraction bits of a float32 that select a piece of the piecewise linear activation function."""
-# The shift is an array, because NumPy computes faster with an array than with a Python number.
+# `_SHIFT` is an array, because NumPy computes faster with an array than with a Python number.
 _SHIFT = np.array(23 - _PIECE_BITS, np.int32)
 _PIECES = 1 << (8 + _PIECE_BITS)
 """Number of pieces of the piecewise linear activation function for each sign of the input.
 
-The pieces for negative inputs come second in the arrays, so that a negative index selects them."""
+In the arrays over all pieces, the pieces for negative inputs follow the pieces for positive inputs. A negative index
+then selects a piece for negative inputs."""
 
 
 def _exp_minus_1(x: Doubles) -> Doubles:
@@ -48,7 +51,7 @@ def _exp_minus_1(x: Doubles) -> Doubles:
 
 
 ACTIVATION = "elu"
-"""Name of the activation function, the exponential linear unit, in policy bundles."""
+"""Name of the activation function, the exponential linear unit (ELU), in the file `policy.json`."""
 
 
 def _elu(x: Doubles) -> Doubles:
@@ -58,9 +61,9 @@ def _elu(x: Doubles) -> Doubles:
 
 @cache
 def activation_chords() -> tuple[Doubles, Doubles]:
-    """Return the slopes and the intercepts of the piecewise linear activation function.
+    """Return the slope and the intercept of each piece of the piecewise linear activation function.
 
-    Both are arrays over the pieces; `piece_index` returns the index of the piece of an input.
+    Both arrays have the shape (number of pieces,). `piece_index` returns the index of the piece for an input.
     """
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
@@ -74,41 +77,45 @@ def activation_chords() -> tuple[Doubles, Doubles]:
 
 
 def piece_index(x: Doubles) -> NDArray[np.intp]:
-    """Return the index of the piece of the activation function on which each input x lies.
+    """Return the index of the piece of the activation function that contains each element of `x`.
 
-    The index is negative for a negative x.
+    The index is negative for a negative element.
     """
     return (x.astype(np.float32).view(np.int32) >> _SHIFT).astype(np.intp)
 
 
 Weights = NDArray[np.float32]
+"""Type of float32 arrays: weights, biases, inputs and outputs of a network."""
 _INPUT_BITS = 26
-"""Number of bits of an input of a layer.
+"""Number of bits of a rounded input of a layer: its step is `LIMIT` · 2^-26.
 
 The sum of `_INPUT_BITS` and `_WEIGHT_BITS` is 53, the number of significant bits of a float64, so that products are
 exact."""
 _WEIGHT_BITS = 27
-"""Number of bits of the sum of the absolute values in a column of a weight matrix."""
-# A number is rounded to a grid by adding and then subtracting 1.5 · 2^52 times the grid size. The constants are arrays,
-# because NumPy computes faster with arrays than with Python numbers.
+"""Number of bits of the sum of the absolute values in a column of a rounded weight matrix.
+
+The sum is at most 2^27 times the step to which the weights in the column are rounded."""
+# A number is rounded to multiples of a step by adding and then subtracting 1.5 · 2^52 times the step. The constants are
+# arrays, because NumPy computes faster with arrays than with Python numbers.
 _TO_GRID = np.array(1.5 * 2.0**52 * LIMIT * 2.0**-_INPUT_BITS)
 _MAX_INPUT = np.array(LIMIT, np.float32)
 _MIN_INPUT = np.array(-LIMIT, np.float32)
 _ROWS = 128
-"""Largest number of rows (robots) for which a network computes the outputs together."""
+"""Largest number of rows (robots) for which a network computes the outputs in one pass."""
 _BLOCK = 16
-"""Number of rows in each part of a matrix product that is split, see `_PRODUCTS`."""
+"""Number of rows (robots) in each part of a matrix product that is split, see `_PRODUCTS`."""
 _PRODUCTS = 500_000
 """Largest number of multiplications in one matrix product; larger products are split into parts.
 
-OpenBLAS would distribute a larger matrix product over threads, which is far slower on busy cores."""
+They are split because OpenBLAS would distribute a larger product over threads, which is far slower on busy cores."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """Multilayer perceptron with the exponential linear unit (ELU) between the layers.
+    """Multilayer perceptron with the exponential linear unit (ELU) as activation function between the layers.
 
-    `policies.load` makes a network from a policy bundle. The training makes a network from the actor of its learner.
+    A call of the object, `network(inputs)`, computes the outputs. `policies.load` makes a network from a policy bundle.
+    The training makes a network from the actor that it optimises.
     """
 
     weights: tuple[Weights, ...]
@@ -131,16 +138,17 @@ class Network:
         return (self.weights[0].shape[0], *(bias.shape[0] for bias in self.biases))
 
     def __call__(self, inputs: Weights) -> Weights:
-        """Return the outputs of the network, (n, outputs), for `inputs`, (n, inputs), which are clipped to ±64.
+        """Compute the outputs of the network, (n, outputs), for `inputs`, (n, inputs).
 
-        The result of a row does not depend, not even in its last bit, on the other rows of the batch.
+        The inputs are clipped to ±64. The outputs for one row do not depend on the other rows of the batch: they are
+        identical, bit for bit, for every batch.
         """
         if len(inputs) <= _ROWS:
             return self._rows(inputs)
         return np.concatenate([self._rows(inputs[start : start + _ROWS]) for start in range(0, len(inputs), _ROWS)])
 
     def _rows(self, inputs: Weights) -> Weights:
-        """Return the outputs of the network, (n, outputs), for `inputs`, (n, inputs), with n at most `_ROWS`."""
+        """Compute the outputs of the network, (n, outputs), for `inputs`, (n, inputs); n is at most `_ROWS`."""
         rows = len(inputs)
         slopes, intercepts = self._chords
         values = np.maximum(np.minimum(inputs, _MAX_INPUT), _MIN_INPUT).astype(np.float64)
@@ -158,9 +166,10 @@ class Network:
 
     @cached_property
     def _layers(self) -> list[tuple[Doubles, Doubles]]:
-        """Weights, (inputs, outputs), rounded to their grids, and biases, (1, outputs), of each layer.
+        """Rounded weights, (inputs, outputs), and biases, (1, outputs), of each layer.
 
-        Adding 0.0 turns biases of -0.0 into 0.0. Otherwise the sign of a sum that is 0 could differ.
+        `_on_grid` rounds the weights, so that sums of products are exact. Adding 0.0 turns biases of -0.0 into 0.0,
+        because a sum of 0 could otherwise have either sign.
         """
         biases = (bias[None].astype(np.float64) + 0.0 for bias in self.biases)
         return list(zip(map(_on_grid, self.weights), biases, strict=True))
@@ -169,7 +178,7 @@ class Network:
     def _chords(self) -> tuple[Doubles, Doubles]:
         """Slopes and intercepts of the piecewise linear activation function, see `activation_chords`.
 
-        `_TO_GRID` is added to the intercepts, so that the result is rounded to the grid of the inputs of a layer.
+        `_TO_GRID` is added to the intercepts, because this rounds the result to the step of the inputs of a layer.
         """
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
@@ -193,12 +202,12 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 
 
 def _on_grid(weights: Weights) -> Doubles:
-    """Round a weight matrix to a grid for each column, so that all sums of products are exact.
+    """Round the `weights` in each column to multiples of a step, so that all sums of products are exact.
 
-    The sum of the absolute values in a column is at most 2^27 times the grid size.
+    The step of a column is a power of two. The sum of the absolute values in the column is at most 2^27 times the step.
     """
     exact = np.ascontiguousarray(weights, dtype=np.float64)
-    # The sum is increased by a thousandth, because rounding can increase the absolute value of each weight.
+    # The sum is increased by a thousandth, because rounding can increase the absolute values of the weights.
     _, exponent = np.frexp(np.abs(exact).sum(axis=0) * (1.0 + 2.0**-10))
     to_grid = np.ldexp(1.5 * 2.0**52, exponent - _WEIGHT_BITS)
     rounded: Doubles = (exact + to_grid) - to_grid
