@@ -1,1 +1,1 @@
-"""Evaluator: simulates policies in the same episodes, and writes their ranking, statistics and a report."""
+"""Evaluator: simulates policies in equal episodes, and writes their ranking, statistics and a report."""

@@ -43,7 +43,7 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""Name of a removed subcommand of `python -m evaluate` -> text of the error message that names its replacement."""
+"""Removed subcommand of `python -m evaluate` -> text of an error message that names its replacement."""
 
 
 def compare(words: list[str]) -> int:

@@ -124,14 +124,16 @@ class PolicyScenarioResult:
 
 @dataclass(frozen=True)
 class EpisodeChunk:
-    """Subset of the episodes of one policy on one scenario that were simulated together, with their measures.
+    """Subset of the episodes of one policy on one scenario that were simulated together.
+
+    It is stored with the measures of these episodes.
 
     Each subset is stored as one file, so that an interrupted evaluation can be resumed with the subsets that are
     missing.
     """
 
     episode_indices: NDArray[np.int64]
-    """Index of each of the n episodes in this subset among all episodes of the policy on the scenario, (n,)."""
+    """Index of each of these n episodes among all episodes of the policy on the scenario, (n,)."""
     cell: PolicyScenarioResult
     """Measures and outcomes of the n episodes in this subset, in the order of `episode_indices`."""
 

@@ -1,4 +1,4 @@
-"""Hardware of the simulated robots: names of robot, servo gains, motors, sensors, estimator and simulator.
+"""Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
 
 The functions of this module import other packages only when they are called, because --help must be quick.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Hardware of the simulated robots: names of robot, servo gains, motors, sensors, estimator and simulator.
+    """Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
 
     Each field except `servo` has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
     """
@@ -104,7 +104,10 @@ class HardwareConfig:
 
 
 IDEAL = HardwareConfig()
-"""Default hardware: the robot SimpleQuad with ideal motors in MuJoCo, and policies that observe the true state."""
+"""Default hardware: the robot SimpleQuad with ideal motors and the true state, in MuJoCo.
+
+The policies observe the true state instead of the output of a state estimator.
+"""
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
@@ -180,7 +183,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
 @lru_cache
 def _print_warnings(robot: "Robot") -> None:
-    """Print warnings on stderr about implausible properties of a user's `robot`, at most once for each robot."""
+    """Print warnings about implausible properties of a user's `robot` on stderr, once for each robot."""
     from quad_env.robots.leg_names import find_contradictions
     from quad_env.robots.plausibility import find_warnings
 

@@ -1,1 +1,1 @@
-"""Analysis of the measured episodes of an evaluation: summaries, comparisons, scores, ranking, breaking points."""
+"""Analysis of an evaluation's episodes: summaries, comparisons, scores, ranking and breaking points."""

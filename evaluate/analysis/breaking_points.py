@@ -19,7 +19,9 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 FailureKind = Literal["falls", "success"]
-"""Kind of failure that a breaking point counts (the severity of a disturbance at which half of the episodes fail).
+"""Kind of failure that a breaking point counts.
+
+A breaking point is the severity of a disturbance at which half of the episodes fail.
 
 `falls` counts episodes in which the robot falls. `success` counts all episodes that do not succeed by the success rule.
 """
@@ -37,7 +39,7 @@ BREAKING_POINT_WORDS: dict[FailureKind, str] = {
 
 @dataclass(frozen=True)
 class AxisBreakingPoint:
-    """Severity of one kind of disturbance at which half of the episodes of one policy fail (breaking point).
+    """Breaking point: severity of a disturbance at which half of the episodes of one policy fail.
 
     The field names are the keys in results.json.
     """
@@ -47,11 +49,11 @@ class AxisBreakingPoint:
     policy: str
     """Name of the policy that has this breaking point."""
     unit: str
-    """Unit of the severities on this disturbance axis, for example `N·s`; empty for severities without unit."""
+    """Unit of the severities on this disturbance axis, for example `N·s`; empty if they have no unit."""
     severity50: float
     """Severity at which half of the episodes fail, in `unit`; NaN if `found` is `never` or `always`."""
     ci: Interval
-    """95 % confidence interval of `severity50`, in `unit`; an end beyond the tested severities is infinite."""
+    """95 % confidence interval of `severity50`, in `unit`; an end beyond the tested range is infinite."""
     found: BreakingPointKind
     """Result of the search for the severity at which half of the episodes fail.
 
@@ -68,11 +70,13 @@ class AxisBreakingPoint:
     It equals `lowest` if smaller values are harder (friction), otherwise `highest` (push impulse).
     """
     of: FailureKind = "falls"
-    """Kind of failure that the breaking point counts: `falls`, or all episodes without success (`success`)."""
+    """Kind of failure that is counted: `falls`, or all episodes without success (`success`)."""
 
 
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
-    """Compute the breaking points of every policy on each disturbance axis with at least MIN_LEVELS severities.
+    """Compute the breaking points of every policy on each disturbance axis with enough severities.
+
+    At least MIN_LEVELS severities are needed.
 
     A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail.
 
@@ -129,7 +133,9 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """Format a breaking point (severity at which half of the episodes fail) as text, such as `48 N·s [45, 51]`.
+    """Format a breaking point as text, such as `48 N·s [45, 51]`.
+
+    A breaking point is the severity at which half of the episodes fail.
 
     The brackets contain the 95 % interval. The text is `none up to 100 N·s` if less than half of the episodes fail at
     the hardest severity. It is `already at 20 N·s` if half or more fail at the mildest severity.
@@ -146,5 +152,5 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
 
 
 def _round_to_three_digits(value: float) -> float:
-    """Round a severity to three significant digits; confidence intervals are wider than this rounding error."""
+    """Round a severity to three significant digits; confidence intervals are wider than this error."""
     return float(f"{value:.3g}")

@@ -1,4 +1,4 @@
-"""Combined ranking of the policies of two evaluations (runs A and B), on their common scenarios and seeds."""
+"""Combined ranking of the policies of two evaluations (runs A and B), on common scenarios and seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 
 Labels = Mapping[str, str]
-"""Name of a policy in one run -> display name, with which the combined results of two runs show the policy."""
+"""Name of a policy in one run -> display name of the policy in the combined results of two runs."""
 ClaimKey = tuple[str, frozenset[str]]
-"""Key of a comparison of two policies on one scenario: scenario name, and display names of the policies."""
+"""Key of a comparison of two policies: scenario name, and display names of the two policies."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class CombinedRuns:
     The user chooses the pairs. The p-values are corrected for the number of all tests.
     """
     correlation: RankCorrelation | None
-    """Rank correlation between the scores in run A and in run B: do both runs rank the policies in the same order?
+    """Rank correlation of the scores in runs A and B: do both runs rank the policies in the same order?
 
     It is None for fewer than MIN_POLICIES compared policies.
     """
@@ -44,7 +44,7 @@ class CombinedRuns:
 def combine_runs(
     matches: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
 ) -> CombinedRuns:
-    """Rank the policies of two evaluations (runs A and B) together, and correct the p-values of all comparisons.
+    """Rank the policies of two evaluations (runs A and B) together, and correct all p-values.
 
     Args:
         matches: Comparisons of policies of run A with policies of run B, one for each pair and each common scenario.
@@ -73,7 +73,7 @@ def combine_runs(
 
 
 def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
-    """Return the results of one run, reduced to the scenarios and episode seeds that another run has as well.
+    """Return the results of one run, reduced to the scenarios and seeds that another run has as well.
 
     Args:
         run: Manifest and episode table of the run to reduce.
@@ -185,7 +185,7 @@ def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Com
 def _correlation(
     matches: Sequence[Match], scored: ScoredCells, labels: tuple[Labels, Labels]
 ) -> RankCorrelation | None:
-    """Compute the rank correlation between the scores in run A and in run B: is the order of the policies the same?
+    """Compute the rank correlation of the scores in runs A and B: is the order of the policies the same?
 
     Only compared policies that have a score in both runs count.
 

@@ -35,20 +35,20 @@ CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_ve
 A tracking error is a difference between the robot's velocity and the velocity command.
 """
 ERRORS = tuple(CAPS)
-"""Names of the metrics that are tracking errors: differences between the robot's velocity and its command.
+"""Names of the tracking errors: differences between the robot's velocity and its command.
 
 A smaller value is better.
 """
 SCORE = "score"
-"""Name of the score: the mean success of a policy over all kinds of disturbance in an evaluation, 0 … 1."""
+"""Name of the score: mean success of a policy over all kinds of disturbance in an evaluation, 0 … 1."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
-"""Name of a metric that is not a rate -> its largest possible value, which limits its bootstrap interval."""
+"""Name of a metric that is not a rate -> largest possible value, which limits its bootstrap interval."""
 METRICS = (*RATES, *ERRORS)
 """Names of the metrics in which policies are compared, in display order: rates, then tracking errors."""
 SIGNIFICANT = 0.05
-"""Significance level: a difference is reported as significant if its corrected p-value is below this value."""
+"""Significance level: a difference is significant if its corrected p-value is below this value."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Confidence interval that is not defined, for example of the difference between bit-identical episodes."""
+"""Confidence interval that is not defined, for example for two policies with bit-identical episodes."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def compare(
     baseline: str | None = None,
     adjacent_pairs: Container[frozenset[str]] = (),
 ) -> list[Comparison]:
-    """Compare every policy with the baseline policy, and the adjacent policies of a ranking, on every scenario.
+    """Compare every policy with the baseline, and with its neighbours in a ranking, on every scenario.
 
     The policies are compared in every metric, paired by episode. The p-values of each metric are corrected by Holm's
     method within two families of tests. One family contains the comparisons with the baseline on all scenarios. The
@@ -238,7 +238,7 @@ def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
 def paired_difference(
     metric: str, a: Floats, b: Floats, *, identical: bool = False
 ) -> tuple[float, Interval, float, str]:
-    """Compute the mean difference a − b between two policies in one metric, with interval and significance test.
+    """Compute the mean difference a − b between two policies in one metric, with interval and test.
 
     Rates get Tango's interval and McNemar's test. Other metrics get a bootstrap interval and a sign-flip permutation
     test.
@@ -266,7 +266,7 @@ def paired_difference(
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """Difference in one metric between two evaluations (runs A and B), B minus A, with a significance test.
+    """Difference in one metric between two evaluations (runs A and B), B minus A, with its test.
 
     The field names are the keys in the JSON file that the command `compare` writes.
     """
@@ -278,7 +278,7 @@ class MetricDifference:
     b: float
     """Mean of the metric over the compared episodes of run B, in the unit of the metric."""
     difference: float
-    """Mean of the difference B minus A over pairs of episodes with the same seed, in the unit of the metric."""
+    """Mean of the difference B minus A over episodes with the same seed, in the unit of the metric."""
     ci: Interval
     """95 % confidence interval of `difference`, in the unit of the metric; NaN if it is not defined."""
     p_value: float

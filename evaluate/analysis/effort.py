@@ -1,4 +1,4 @@
-"""Effort measures of each episode, for example cost of transport and duty factor, with means and intervals."""
+"""Effort measures of each episode, such as cost of transport and duty factor; means and intervals."""
 
 from collections.abc import Callable
 from typing import Any
@@ -38,7 +38,7 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
 
 
 def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Compute a cost of transport for each episode; the mean over the episodes is the cost of all episodes together.
+    """Compute a cost of transport for each episode, with the cost of all episodes together as their mean.
 
     The cost of transport of all episodes together is a quotient of sums: ∑ energy / (weight · ∑ distance). This
     function linearises the quotient (Woodruff 1971, Journal of the American Statistical Association 66), which turns it

@@ -1,4 +1,4 @@
-"""Selection of the failed episodes that a report shows: the worst and the most typical one of each policy.
+"""Selection of the failed episodes that a report shows: the worst and the most typical of each policy.
 
 Both are selected for each disturbance axis. A disturbance axis is a kind of disturbance, for example pushes, that is
 tested at several severities.
@@ -19,7 +19,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.cells import PolicyScenarioResult
 
 PAGES_FOLDER = "pages"
-"""Name of the subfolder of a results folder that contains an HTML page with a film for each filmed episode."""
+"""Name of the subfolder of a results folder with an HTML page and a film for each filmed episode."""
 
 
 class FailedEpisode(NamedTuple):
@@ -88,7 +88,7 @@ def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
 
 
 def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
-    """Return the typical failure: the one closest to the median time among failures with the most frequent cause.
+    """Return the typical one of some failures: closest to the median time, with the most frequent cause.
 
     Args:
         failures: Failed episodes of one policy on one disturbance axis, sorted from the mildest severity.

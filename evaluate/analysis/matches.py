@@ -1,4 +1,4 @@
-"""Comparison of two evaluations (runs A and B): pairs of policies on each common scenario, paired by seed."""
+"""Comparison of two evaluations (runs A and B): pairs of policies on common scenarios, paired by seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class Match:
     contrasts: tuple[MetricDifference, ...]
     """Difference, run B minus run A, in each metric, for example `success_rate`."""
     p_value_holm: float = np.nan
-    """p-value of the difference in success rate, corrected for the number of all tests of both runs together."""
+    """p-value of the difference in success rate, corrected for all tests of both runs together."""
 
 
 def match_runs(pairs: Sequence[tuple[str, str]], a: StoredRun, b: StoredRun) -> list[Match]:

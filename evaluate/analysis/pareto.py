@@ -1,4 +1,4 @@
-"""Pareto front of success against cost of transport: policies that no other policy beats in both."""
+"""Pareto front of success against cost of transport: the policies that no other policy dominates."""
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
@@ -14,36 +14,42 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
 COST_SCENARIOS = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
-"""Scenarios for the measurement of the cost of transport; the first one that the run has is used.
+"""Names of the scenarios on which the cost of transport is measured; the first available one is used.
 
-The cost is measured over all scenarios together if the run has none of these.
+The cost is measured over all scenarios together if the evaluation has none of these scenarios.
 """
 
 
 @dataclass(frozen=True)
 class ParetoPoint:
-    """Success and cost of transport of one policy. The field names are the keys in results.json."""
+    """Success and cost of transport of one policy: its point in the plot of the Pareto front.
+
+    The field names are the keys in results.json.
+    """
 
     policy: str
-    """Name of the policy."""
+    """Name of the policy that has this success and cost."""
     success: float
-    """Score of the policy: mean success over the disturbance axes, 0 … 1."""
+    """Score of the policy: mean success over all kinds of disturbance in the evaluation, 0 … 1."""
     success_ci: Interval
-    """95 % confidence interval of `success`."""
+    """95 % confidence interval of the score `success`, 0 … 1."""
     cost: float
-    """Cost of transport, without unit; NaN if the policy does not move or did not run the scenario."""
+    """Cost of transport (energy / (weight · distance)), without unit.
+
+    It is NaN if the robot hardly moves, or if the policy did not run the scenario on which the cost is measured.
+    """
     cost_ci: Interval
-    """95 % confidence interval of `cost`."""
+    """95 % bootstrap interval of the cost of transport `cost`, without unit."""
     dominated_by: tuple[str, ...] = ()
     """Names of the policies on the Pareto front that dominate this policy.
 
-    They are at least as good in success and in cost, and better in one of them.
+    Each of them is at least as good both in success and in cost of transport, and better in one of the two.
     """
 
 
 @dataclass(frozen=True)
 class Pareto:
-    """Pareto front of a run, with success and cost of transport of all policies that have a score.
+    """Pareto front of an evaluation, with success and cost of transport of all policies that have a score.
 
     The field names are the keys in results.json.
     """
@@ -51,7 +57,10 @@ class Pareto:
     cost_on: str
     """Name of the scenario on which the cost of transport is measured; empty for all scenarios together."""
     front: tuple[str, ...]
-    """Names of the policies that no other policy dominates, the lowest cost of transport first."""
+    """Names of the policies on the Pareto front, the lowest cost of transport first.
+
+    No other policy is at least as good both in success and in cost of transport, and better in one of the two.
+    """
     points: tuple[ParetoPoint, ...]
     """Success and cost of transport of all policies with a score, the most successful first."""
 
@@ -60,13 +69,13 @@ def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score
     """Compute success, cost of transport and Pareto front of the policies that have a score.
 
     Args:
-        cells: Results, one for each pair of policy and scenario, either all with the hardware profile or all without
-            it.
-        scores: Scores of the policies.
-        robot: Robot of the run, for its weight.
+        cells: Measured episodes, one result for each policy-scenario pair. Either all of the scenarios have the
+            hardware profile, or none of them has it.
+        scores: Scores (mean success) of the policies.
+        robot: Robot of the evaluation; its weight enters the cost of transport.
 
     Returns:
-        Success and cost of each policy, and the Pareto front.
+        Success and cost of transport of each policy, and the Pareto front.
     """
     cost_on = cost_scenario({cell.scenario.name for cell in cells})
     points = []
@@ -78,19 +87,27 @@ def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score
 
 
 def cost_scenario(scenarios: Container[str]) -> str:
-    """Return the name of the first scenario of COST_SCENARIOS in a run; empty if the run has none."""
+    """Return the name of the scenario on which the cost of transport is measured.
+
+    Args:
+        scenarios: Names of the scenarios of the evaluation.
+
+    Returns:
+        The first name in COST_SCENARIOS that is among them; empty if there is none.
+    """
     return next((name for name in COST_SCENARIOS if name in scenarios), "")
 
 
 def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
-    """Find the policies that no other policy dominates in success and cost of transport.
+    """Find the Pareto front: the policies that no other policy dominates in success and cost of transport.
 
     Args:
         cost_on: Name of the scenario on which the cost of transport is measured; empty for all scenarios together.
-        points: Success and cost of each policy. A policy with a cost of NaN is neither on the front nor dominated.
+        points: Success and cost of transport of each policy. A policy with a cost of NaN is neither on the front nor
+            dominated.
 
     Returns:
-        The Pareto front, and the points with the names of the policies that dominate them.
+        The Pareto front, and a copy of each point with the names of the policies that dominate its policy.
     """
     front = [
         point for point in points if not np.isnan(point.cost) and not any(_dominates(other, point) for other in points)
@@ -105,7 +122,15 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
 
 
 def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, ...]:
-    """Return the names of the policies on the Pareto `front` that dominate the policy of `point`."""
+    """Return the names of the policies that dominate one policy in success and cost of transport.
+
+    Args:
+        front: Success and cost of transport of the policies on the Pareto front.
+        point: Success and cost of transport of the policy.
+
+    Returns:
+        Names of the policies on the front that are no worse in both, and better in one of the two.
+    """
     return tuple(other.policy for other in front if _dominates(other, point))
 
 
@@ -115,16 +140,16 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
 
 
 def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, Interval]:
-    """Compute the cost of transport of one policy over all `cells`, with a 95 % bootstrap interval.
+    """Compute the cost of transport of one policy over some scenarios, with a 95 % bootstrap interval.
 
-    The bootstrap resamples episodes, each with its results on all scenarios.
+    The bootstrap resamples episode seeds. A seed is drawn together with its episodes on all of the scenarios.
 
     Args:
-        cells: Results of the policy, one for each scenario.
-        robot: Robot of the run, for its weight.
+        cells: Results of the policy, one for each scenario, with the same seeds.
+        robot: Robot of the evaluation; its weight enters the cost of transport.
 
     Returns:
-        Cost of transport and interval, without unit; NaN if there are no results.
+        Cost of transport and its interval, without unit; NaN if `cells` is empty.
     """
     if not cells:
         return np.nan, (np.nan, np.nan)

@@ -1,4 +1,7 @@
-"""Rank correlation: do two runs, for example in two simulators, give their policies the same order?"""
+"""Rank correlation of two evaluations: do both of them rank the policies in the same order?
+
+The evaluations differ, for example, in the simulator.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,35 +13,38 @@ from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentil
 from quad_env.cli.format import estimate, percent
 
 MIN_POLICIES = 3
-"""Minimum number of policies for which a rank correlation is computed."""
+"""Minimum number of policies in both of two evaluations for which their rank correlation is computed."""
 
 
 @dataclass(frozen=True)
 class RankCorrelation:
-    """Rank correlation between the scores of the same policies in two runs, A and B.
+    """Rank correlation between the scores of the same policies in two evaluations (runs A and B).
 
-    A score is the mean success over the disturbance axes that both runs have. The field names are the keys in the JSON
-    file.
+    A score is the mean success over the kinds of disturbance that both runs have. The field names are the keys in the
+    JSON file that the command `compare` writes.
     """
 
     policies: tuple[str, ...]
-    """Names of the policies in run A."""
+    """Names of the compared policies in run A."""
     scores: tuple[tuple[float, ...], tuple[float, ...]]
-    """Score of each policy, 0 … 1: in run A, and in run B."""
+    """Score of each policy in run A, and score of each policy in run B, 0 … 1, in the order of `policies`."""
     correlation: float
-    """Kendall's tau-b of the two sets of scores: 1 for the same order, −1 for the opposite order."""
-    ci: Interval
-    """95 % bootstrap interval of `correlation`.
+    """Kendall's tau-b between the scores in run A and in run B, −1 … 1.
 
-    The bootstrap resamples episodes, each with all policies and scenarios of both runs. The interval is widened to
-    include `correlation`, because every resample may give a smaller value.
+    It is 1 if both runs rank the policies in the same order, and −1 if they rank them in the opposite order.
+    """
+    ci: Interval
+    """95 % bootstrap interval of `correlation`, −1 … 1.
+
+    The bootstrap resamples episode seeds. A seed is drawn together with its episodes of all policies and scenarios of
+    both runs. The interval is widened to include `correlation`, because every resample may give a smaller value.
     """
 
     def lines(self) -> Iterator[str]:
-        """Yield the printed lines: an answer if the ranking of run A holds in run B, and both rankings.
+        """Yield the printed lines: does the ranking of run A hold in run B, and both rankings.
 
-        The printed answer is `yes` if the interval is positive and includes 1, and `in part` if it is positive and
-        below 1. The answer is `no` for a negative interval, and otherwise `not shown`.
+        The printed answer is `yes` if the interval of the correlation is positive and includes 1. It is `in part` if
+        the interval is positive and below 1, and `no` if the interval is negative. Otherwise it is `not shown`.
         """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"
@@ -51,15 +57,17 @@ class RankCorrelation:
 
 
 def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
-    """Compute the rank correlation of k policies between two runs with n common episodes.
+    """Compute the rank correlation of k policies between two evaluations (runs A and B).
+
+    The runs have n seeds in common.
 
     Args:
-        policies: Names of the policies.
-        a: Score of each policy in each episode of run A, (k, n).
-        b: Score of each policy in each episode of run B, (k, n).
+        policies: Names of the policies in run A, (k,).
+        a: Score of each policy for each seed in run A, (k, n), 0 … 1.
+        b: Score of each policy for each seed in run B, (k, n), 0 … 1.
 
     Returns:
-        Correlation and its bootstrap interval.
+        Kendall's tau-b with its bootstrap interval, and the scores.
     """
     weights = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
     resampled_a = np.concatenate([block @ a.T for block in weights])
@@ -79,14 +87,14 @@ def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorre
 
 
 def kendall_tau(a: Floats, b: Floats) -> Floats:
-    """Compute Kendall's tau-b between two scores of k policies (Biometrika 33, 1945).
+    """Compute Kendall's rank correlation tau-b between two sets of scores (Biometrika 33, 1945).
 
     Args:
-        a: First score of each policy, (…, k).
-        b: Second score of each policy, (…, k).
+        a: Score of each policy in the first set, (…, k).
+        b: Score of each policy in the second set, (…, k).
 
     Returns:
-        Correlation, −1 … 1, (…); NaN where all policies have the same score in `a` or in `b`.
+        Correlation, −1 … 1, (…). It is NaN if all policies have the same score in `a` or in `b`.
     """
     first, second = np.triu_indices(a.shape[-1], 1)
     sign_a = np.sign(np.round(a[..., first] - a[..., second], 9))

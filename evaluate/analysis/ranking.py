@@ -1,4 +1,4 @@
-"""Ranking of the policies of a run: tests of adjacent policies, corrected for the number of tests."""
+"""Ranking of the policies of an evaluation, with corrected significance tests of adjacent policies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,48 +14,51 @@ from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
-"""Weight of all tests of adjacent policies together in the weighted Holm correction, 0 … 1.
+"""Total weight of all tests of adjacent policies in the weighted Holm correction, 0 … 1.
 
-The tests on single scenarios have the remaining weight.
+The tests of differences on single scenarios share the remaining weight.
 """
 Claim = tuple[str, frozenset[str]]
-"""Key of a tested difference: scenario name (empty for all scenarios together) and two policies."""
+"""Key of a tested difference between two policies: scenario name and the two policy names.
+
+The scenario name is empty if the difference is over all scenarios together.
+"""
 POWER = 0.8
-"""Statistical power for which the number of needed episodes is computed, a probability."""
+"""Statistical power for which the number of needed episodes is computed: probability of significance."""
 
 
 @dataclass(frozen=True)
 class AdjacentPair:
-    """Two adjacent policies of a ranking and the test of their difference, made by `rank_policies`.
+    """Two adjacent policies of a ranking with the test of the difference between their scores.
 
-    The field names are the keys in results.json.
+    `rank_policies` makes this object. The field names are the keys in results.json.
     """
 
     better: str
-    """Name of the policy with the higher score."""
+    """Name of the policy with the higher score of two adjacent policies in the ranking."""
     worse: str
-    """Name of the policy with the lower score."""
+    """Name of the policy with the lower score of two adjacent policies in the ranking."""
     difference: float
-    """Score of `better` minus score of `worse`, 0 … 1."""
+    """Score of the policy `better` minus score of the policy `worse`, 0 … 1."""
     deviation: float
-    """Standard deviation over the episodes of the paired difference in score."""
+    """Standard deviation, over the seeds, of the paired difference in score between the two policies."""
     ci: Interval
-    """95 % confidence interval of `difference`.
+    """95 % confidence interval of `difference`, −1 … 1.
 
-    It is a bootstrap interval over episodes, each with its results on all scenarios. It is Tango's interval if every
-    score of an episode is 0 or 1, and NaN if all episodes are bit-identical.
+    It is a bootstrap interval over seeds, each with its episodes on all scenarios. It is Tango's interval if the score
+    of every seed is 0 or 1, and NaN if all episodes are bit-identical.
     """
     p_value: float
     """p-value of the paired test of `difference`, before any correction for the number of tests.
 
-    The test is the sign-flip permutation test, or the exact McNemar test if every score of an episode is 0 or 1.
+    The test is the sign-flip permutation test, or the exact McNemar test if the score of every seed is 0 or 1.
     """
     p_value_holm: float = np.nan
-    """p-value after the correction for all tests of the report; see `correct_p_values`."""
+    """p-value of `difference` after the correction for all tests of the report; see `correct_p_values`."""
     needed: float = np.nan
-    """Number of episodes that would make the difference significant; see `episodes_needed`.
+    """Number of episodes that would probably make the difference significant; see `episodes_needed`.
 
-    It is NaN if the difference is already significant, and infinite if the policies are identical.
+    It is NaN if the difference is already significant, and infinite if the observed difference is 0.
     """
     better_on: tuple[str, ...] = ()
     """Names of the scenarios on which `better` has a significantly higher success rate than `worse`."""
@@ -64,40 +67,46 @@ class AdjacentPair:
     identical: bool = False
     """True if all episodes of the two policies are bit-identical.
 
-    `difference` is then 0, and `ci` is NaN.
+    The difference in score is then 0, and its interval is NaN.
     """
 
     @property
     def distinguished(self) -> bool:
-        """True if the difference is significant: the corrected p-value is below the significance level."""
+        """True if the difference between the two policies is significant: `p_value_holm` is below SIGNIFICANT."""
         return self.p_value_holm < SIGNIFICANT
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Ranking of the policies that ran all scored scenarios. The field names are the keys in results.json."""
+    """Ranking of the policies by their score (mean success), with tests of adjacent policies.
+
+    It contains the policies that ran all scored scenarios. The field names are the keys in results.json.
+    """
 
     hardware: bool
-    """True if the scores are from scenarios with the hardware profile, because the run has no others."""
+    """True if the scores are from scenarios with the hardware profile, because there are no others.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
+    """
     axes: int
-    """Number of disturbance axes, for example pushes or slopes, over which the score is the mean."""
+    """Number of disturbance axes (kinds of disturbance, such as pushes) over which the score is the mean."""
     scenarios: tuple[str, ...]
-    """Names of the scored scenarios: one for each severity of each disturbance axis."""
+    """Names of the scenarios that enter the score: one for each severity of each kind of disturbance."""
     episodes: int
     """Number of episodes of each policy on each scenario."""
     places: tuple[ParetoPoint, ...]
-    """Success and cost of transport of the ranked policies, the most successful first."""
+    """Success and cost of transport of each ranked policy, the most successful policy first."""
     neighbours: tuple[AdjacentPair, ...]
-    """Tests of the pairs of adjacent policies, the best policy first."""
+    """Test of each pair of adjacent policies, the pair with the best policy first."""
 
 
 def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
-    """Rank the policies, and compare adjacent policies paired by episode.
+    """Rank the policies by their score, and test the difference between adjacent policies, paired by seed.
 
     Args:
-        scored: Results that enter the score, one for each pair of policy and scenario.
+        scored: Results that enter the score, one for each policy-scenario pair.
         places: Success and cost of transport of the policies, the most successful first.
-        hardware: True if the scores are from scenarios with the hardware profile.
+        hardware: True if the scenarios have the hardware profile (models of the real robot's motors and sensors).
 
     Returns:
         The ranking with uncorrected p-values. `correct_p_values` adds the corrected p-values.
@@ -120,21 +129,31 @@ def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardwar
 
 
 def _identical_pair(better: str, worse: str) -> AdjacentPair:
-    """Return the comparison of two adjacent policies that have bit-identical episodes: no difference."""
+    """Return the comparison of two adjacent policies with bit-identical episodes.
+
+    The difference is 0 and the p-value is 1.
+
+    Args:
+        better: Name of the policy that is listed first.
+        worse: Name of the policy that is listed second.
+
+    Returns:
+        The comparison; its confidence interval is NaN.
+    """
     return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
 def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores: Floats) -> AdjacentPair:
-    """Compare two adjacent policies of the ranking by their scores in the same episodes.
+    """Compare two adjacent policies of a ranking by their scores for the same n seeds.
 
     Args:
         better: Name of the policy with the higher score.
         worse: Name of the policy with the lower score.
-        better_scores: Score of `better` in each episode, (n,).
-        worse_scores: Score of `worse` in each episode, (n,).
+        better_scores: Score of `better` for each seed, (n,), 0 … 1.
+        worse_scores: Score of `worse` for each seed, (n,), 0 … 1.
 
     Returns:
-        The comparison, with an uncorrected p-value.
+        Difference between the scores, with interval and uncorrected p-value.
     """
     differences = better_scores - worse_scores
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
@@ -147,21 +166,22 @@ def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores:
 def correct_p_values(
     ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0
 ) -> tuple[Ranking, list[Comparison]]:
-    """Apply one weighted Holm correction to the p-values of all differences that a report claims.
+    """Apply one weighted Holm correction to the p-values of all differences between policies in a report.
 
-    There are two kinds of claim. The differences between adjacent policies have a total weight of RANKING_WEIGHT. The
-    differences in success on single scenarios have the remaining weight. The probability of any false claim is at most
-    SIGNIFICANT.
+    There are two kinds of differences. The differences between adjacent policies of the ranking have a total weight of
+    RANKING_WEIGHT. The differences in success rate on single scenarios have the remaining weight. The probability that
+    any reported difference does not exist is at most SIGNIFICANT.
 
-    The data choose the adjacent pairs, but this choice needs no further correction. A gap between adjacent policies
-    among m equal policies is a gap of at least m − 1 of their m (m − 1) / 2 pairs. It is therefore at most m / 2 times
-    as likely as the gap of one pair, and it is corrected for m − 1 pairs. A run with `--until settled` is also
-    corrected for all of its interim analyses.
+    The scores decide which policies are adjacent, but this selection needs no further correction. m equal policies have
+    m (m − 1) / 2 pairs. A large difference between two adjacent ones implies a large difference in at least m − 1 of
+    these pairs. It is therefore at most m / 2 times as probable as a large difference in one given pair. The correction
+    for m − 1 adjacent pairs covers this factor. For an evaluation with `--until settled`, the p-values of adjacent
+    policies are also corrected for the number of interim analyses.
 
     Args:
         ranked: Ranking with uncorrected p-values.
-        comparisons: Comparisons on single scenarios. Only comparisons of success are corrected.
-        limit: Maximum number of episodes of a run with `--until settled`; 0 for a run with a fixed number of episodes.
+        comparisons: Comparisons of two policies on single scenarios. Only the success rate is corrected.
+        limit: Maximum number of episodes with `--until settled`; 0 for a fixed number of episodes.
 
     Returns:
         The ranking and the comparisons, with corrected p-values.
@@ -194,14 +214,15 @@ def _single_claim(comparison: Comparison) -> Claim:
 
 
 def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
-    """Return the p-value of each adjacent pair, corrected for interim analyses if `limit` is not 0.
+    """Return the p-values of adjacent policies, corrected only for the number of interim analyses.
 
     Args:
         ranked: Ranking with uncorrected p-values.
-        limit: Maximum number of episodes of a run with `--until settled`; 0 for other runs.
+        limit: Maximum number of episodes with `--until settled`; 0 for a fixed number of episodes, which needs no
+            correction.
 
     Returns:
-        Key of the tested difference -> p-value.
+        (scenario name, two policy names) -> p-value. The scenario name is empty if the score has several scenarios.
     """
     scenario = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
     looks_factor = correction(ranked.episodes, limit, len(ranked.places)) if limit and ranked.neighbours else 1.0
@@ -211,17 +232,17 @@ def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
 def _with_corrected_p_value(
     pair: AdjacentPair, p_value: float, level: float, ranked: Ranking, comparisons: Sequence[Comparison]
 ) -> AdjacentPair:
-    """Return an adjacent pair with corrected p-value, needed episodes, and significant single scenarios.
+    """Complete the comparison of two adjacent policies with the results of the correction of all p-values.
 
     Args:
-        pair: Adjacent policies with an uncorrected p-value.
-        p_value: Corrected p-value of the pair.
-        level: Significance level for the uncorrected p-value of the pair, from which the needed episodes are computed.
-        ranked: Ranking that contains the pair.
-        comparisons: Comparisons on single scenarios, with corrected p-values.
+        pair: Comparison of two adjacent policies, with an uncorrected p-value.
+        p_value: Corrected p-value of this comparison.
+        level: Significance level for the uncorrected p-value, from which the needed episodes are computed.
+        ranked: Ranking that contains the two policies.
+        comparisons: Comparisons of policies on single scenarios, with corrected p-values.
 
     Returns:
-        The pair with all fields set.
+        Comparison with corrected p-value, number of needed episodes, and the scenarios with a significant difference.
     """
     scenarios = {policy: list[str]() for policy in (pair.better, pair.worse)}
     for comparison in comparisons:
@@ -240,16 +261,20 @@ def _with_corrected_p_value(
 
 
 def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
-    """Compute the number of episodes after which a paired two-sided test finds a significant difference.
+    """Compute the number of episodes after which two policies will probably be significantly different.
 
-    For a power of POWER, the number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² /
-    2 (Guenther 1981, The American Statistician 35), where z is the quantile function of the normal distribution. It is
-    at least large enough for a sign-flip test with 2^n flips to reach the level.
+    The probability is POWER.
+    The number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The
+    American Statistician 35). z is the quantile function of the normal distribution. `difference` and `deviation` are
+    the observed mean and standard deviation of the paired difference.
+
+    The result is also large enough for a sign-flip test. Its smallest p-value for n episodes, 2 / 2^n, must not exceed
+    the level.
 
     Args:
-        pair: Adjacent policies, with the observed mean and standard deviation of their difference.
-        level: Significance level of the test.
-        episodes: Number of episodes of the run, after which the difference was not significant.
+        pair: Comparison of two adjacent policies, with the observed difference and its standard deviation.
+        level: Significance level of the paired two-sided test.
+        episodes: Number of episodes so far, after which the difference is not significant.
 
     Returns:
         Number of episodes, more than `episodes`; infinite if the observed difference is 0.

@@ -1,4 +1,4 @@
-"""All results of an evaluation run, and the file results.json that stores them."""
+"""All results of an evaluation, and their conversion to the file results.json."""
 
 import json
 import math
@@ -22,79 +22,98 @@ from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
 
 SCHEMA = 1
-"""Version of the format of results.json."""
+"""Version of the format of the file results.json, which is stored under the key `schema`."""
 
 
 @dataclass(frozen=True)
 class PolicyErrors:
-    """Number of episodes in which a policy failed to return an action, made by `Results.policy_errors`.
+    """Number of episodes in which one policy failed to return an action, with an example of its errors.
 
-    An episode counts if the policy raised an exception, exceeded its time limit, or returned an action that is not
-    finite.
+    A policy fails if it raises an exception, exceeds its time limit, or returns an action that is not finite. The field
+    names are the keys in results.json.
     """
 
     policy: str
-    """Name of the policy."""
+    """Name of the policy that failed to return an action."""
     failed: int
-    """Number of episodes in which the policy failed to return an action."""
+    """Number of episodes in which the policy failed to return a finite action in time."""
     episodes: int
-    """Number of all episodes of the policy in the run."""
+    """Number of all episodes of the policy in the evaluation."""
     first: str
-    """Error of the first of these episodes as one line of text, for example `raised ValueError: …`."""
+    """Error message of the policy in the first failed episode, as one line: `raised ValueError: …`."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """All results of a run, made by `analyse`: the content of tables, results.json and the HTML report."""
+    """All results of an evaluation, made by `analyse`, for tables, results.json and the HTML report."""
 
     seed: int
-    """Evaluation seed of the run, from which the seeds of all episodes are derived."""
+    """Evaluation seed that the user chose, from which the seeds of all episodes are derived."""
     episodes: int
     """Number of episodes of each policy on each scenario."""
     complete: bool
-    """False if the run was interrupted.
+    """True if every policy ran all of its episodes; False if the evaluation was interrupted.
 
-    Some pairs of policy and scenario then have no result; every other pair has all of its episodes.
+    Some policy-scenario pairs then have no result. Every other pair has all of its episodes.
     """
     cells: tuple[PolicyScenarioResult, ...]
-    """Measured episodes, one result for each pair of policy and scenario, in the order of the run."""
+    """Measured episodes, one result for each policy-scenario pair, in the order of the evaluation."""
     baseline: str
-    """Name of the policy that the others are compared with."""
+    """Name of the policy that all other policies are compared with."""
     ranking: Ranking
-    """Ranking of the policies by their score on scenarios without the hardware profile.
+    """Ranking of the policies by their score on the scenarios without the hardware profile.
 
-    If the run has only scenarios with the hardware profile, their score is used.
+    The hardware profile consists of models of the real robot's motors and sensors. If all scenarios have the hardware
+    profile, the ranking uses their score.
     """
     summaries: dict[tuple[str, str], Summary]
-    """(scenario name, policy name) -> rates and means over the episodes, in the order of the run."""
+    """(scenario name, policy name) -> rates and means over the episodes, in the order of the evaluation."""
     comparisons: tuple[Comparison, ...]
-    """Comparisons of each policy with the baseline and of adjacent policies, with corrected p-values."""
+    """Comparisons of two policies on single scenarios, with corrected p-values.
+
+    Each policy is compared with the baseline and with its neighbours in the ranking.
+    """
     breaking_points: tuple[AxisBreakingPoint, ...]
-    """Breaking points of the policies on every disturbance axis with at least three severities."""
+    """Breaking points: the severity of each disturbance at which half of the episodes of a policy fail.
+
+    They are computed for every kind of disturbance that was tested at three or more severities.
+    """
     scores: tuple[Score, ...]
-    """Scores on scenarios without the hardware profile, the highest first."""
+    """Scores (mean success) of the policies on scenarios without the hardware profile, the highest first."""
     hardware_scores: tuple[Score, ...]
-    """Scores on scenarios with the hardware profile (models of the real robot's parts), the highest first."""
+    """Scores (mean success) of the policies on the scenarios with the hardware profile, the highest first.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
+    """
     pareto: Pareto
-    """Success against cost of transport on scenarios without the hardware profile."""
+    """Success against cost of transport of the policies, on the scenarios without the hardware profile."""
     hardware_pareto: Pareto
-    """Success against cost of transport on scenarios with the hardware profile."""
+    """Success against cost of transport of the policies, on the scenarios with the hardware profile.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
+    """
     versions: Mapping[str, str | None]
-    """Name of a package, or the key `success_rule` -> version with which the run was made."""
+    """Name of a package, rule or library -> version with which the episodes were simulated.
+
+    The version is None if it is not known.
+    """
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """Other facts about the origin of the results: name -> JSON value.
+    """Further facts about the origin of the results, as in manifest.json: name -> JSON value.
 
     Examples are the processor, the number of threads, and hashes of policies and code.
     """
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware models of the robots in the run; ideal hardware if the provenance does not name any."""
+        """Names of robot, motors, sensors and simulator in the evaluation; the default if not recorded."""
         return _hardware(self.provenance)
 
     @property
     def policy_errors(self) -> list[PolicyErrors]:
-        """Count of failed actions for each policy that had any, in the order of the run."""
+        """Number of failed episodes and first error of each policy that failed to return an action.
+
+        The policies are in the order of the evaluation.
+        """
         errors = []
         for policy in self.policies:
             reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
@@ -105,12 +124,12 @@ class Results:
 
     @property
     def policies(self) -> tuple[str, ...]:
-        """Names of the policies, in the order of the run."""
+        """Names of all evaluated policies, in the order of the evaluation."""
         return tuple(dict.fromkeys(cell.policy for cell in self.cells))
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """Names of the scenarios, in the order of the run."""
+        """Names of all scenarios with results, in the order of the evaluation."""
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
 
@@ -123,15 +142,16 @@ def analyse(
     provenance: Mapping[str, Any] | None = None,
     baseline: str | None = None,
 ) -> Results:
-    """Compute all results of a run from its measured episodes.
+    """Compute all results of an evaluation from its measured episodes.
 
     Args:
-        cells: Measured episodes, one result for each pair of policy and scenario.
-        seed: Evaluation seed of the run.
+        cells: Measured episodes, one result for each policy-scenario pair.
+        seed: Evaluation seed that the user chose.
         episodes: Number of episodes of each policy on each scenario.
-        complete: True if the run was not interrupted.
-        provenance: Origin of the results, as in the manifest; None for the package versions of this installation.
-        baseline: Name of the policy that the others are compared with; None for `default_baseline`.
+        complete: True if the evaluation was not interrupted.
+        provenance: Facts about the origin of the results, as in manifest.json: name -> JSON value. None for only the
+            package versions of this installation.
+        baseline: Name of the policy that all other policies are compared with; None for `default_baseline`.
 
     Returns:
         Summaries, comparisons, scores, ranking, Pareto fronts and breaking points.
@@ -169,28 +189,40 @@ def analyse(
 def _scores_and_front(
     cells: Sequence[PolicyScenarioResult], baseline: str, robot: Robot, *, hardware: bool
 ) -> tuple[tuple[Score, ...], Pareto]:
-    """Compute the scores and the Pareto front of the policies in one group of scenarios.
+    """Compute scores and Pareto front on scenarios with the hardware profile, or on scenarios without it.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
 
     Args:
-        cells: Measured episodes, one result for each pair of policy and scenario.
-        baseline: Name of the policy that the others are compared with.
-        robot: Robot of the run, for its weight.
-        hardware: True for scenarios with the hardware profile, False for scenarios without it.
+        cells: Measured episodes, one result for each policy-scenario pair.
+        baseline: Name of the policy that all other policies are compared with.
+        robot: Robot of the evaluation; its weight enters the cost of transport.
+        hardware: True for the scenarios with the hardware profile, False for the scenarios without it.
 
     Returns:
-        Scores, the highest first, and the Pareto front.
+        Scores of the policies, the highest first, and the Pareto front of success against cost of transport.
     """
     scores = compute_scores(cells, baseline, hardware=hardware)
     return tuple(scores), compute_pareto([cell for cell in cells if cell.scenario.hardware == hardware], scores, robot)
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
-    """Return the hardware models that a run's provenance names; ideal hardware if it names none."""
+    """Return the hardware of the robots in an evaluation: names of robot, motors, sensors and simulator.
+
+    Args:
+        provenance: Facts about the origin of the results, as in manifest.json: name -> JSON value.
+
+    Returns:
+        The hardware; the default hardware if `provenance` has no key `hardware`.
+    """
     return HardwareConfig(**provenance.get("hardware", {}))
 
 
 def results_to_json(results: Results) -> dict[str, Any]:
-    """Convert the results to the JSON content of results.json; numbers that are not finite become null."""
+    """Convert the `results` of an evaluation to the content of results.json: key -> JSON value.
+
+    Numbers that are not finite become None, which is null in JSON.
+    """
     policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
     for (scenario, policy), summary in results.summaries.items():
         policies[policy]["scenarios"][scenario] = asdict(summary)
@@ -207,7 +239,7 @@ def results_to_json(results: Results) -> dict[str, Any]:
 
 
 def write_json(results: Results, path: Path) -> None:
-    """Write the `results` to the file `path` in the format of results.json."""
+    """Write the `results` of an evaluation to the file `path`, in the format of results.json."""
     write_atomically(path, (json.dumps(results_to_json(results), indent=2, allow_nan=False) + "\n").encode())
 
 

@@ -1,9 +1,11 @@
-"""Score of a policy: its mean success over the disturbance axes of a run.
+"""Score of a policy: its mean success over the disturbance axes of an evaluation.
 
 A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. All axes count
-equally, and all severities of an axis count equally. Scenarios with the hardware profile have a separate score.
-Episodes with the same seed have the same start and the same commands on every scenario. The independent samples are
-therefore seeds, each with its episodes on all scenarios. Confidence intervals count these samples, and differences
+equally, and all severities of an axis count equally. Scenarios with the hardware profile (models of the real robot's
+motors and sensors) have a separate score.
+
+Episodes with the same seed have the same start and the same commands on every scenario. A seed with its episodes on all
+scenarios is therefore one independent sample. Confidence intervals use the number of these samples, and differences
 between policies are paired by seed.
 """
 
@@ -27,26 +29,29 @@ from quad_env.scenarios.registry import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"
-"""Names of the two scores in tables: without the hardware profile, and with the hardware profile."""
+"""Names of the scores in tables: on scenarios without the hardware profile, and on scenarios with it.
+
+The hardware profile consists of models of the real robot's motors and sensors.
+"""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Mean success of one policy over all disturbance axes of a run.
+    """Score of one policy: its mean success over all disturbance axes of an evaluation.
 
-    The field names are the keys in results.json.
+    A disturbance axis is a kind of disturbance with several severities. The field names are the keys in results.json.
     """
 
     policy: str
-    """Name of the policy."""
+    """Name of the policy that has this score."""
     score: float
-    """Mean success over the disturbance axes, 0 … 1."""
+    """Mean success of the policy over the disturbance axes, 0 … 1."""
     ci: Interval
-    """95 % confidence interval of `score`, from `score_interval`."""
+    """95 % confidence interval of `score`, 0 … 1, computed by `score_interval`."""
     axes: dict[str, tuple[float, ...]]
-    """Name of the disturbance axis -> success rate at each of its severities, the mildest first.
+    """Name of the disturbance axis, such as `push` -> success rate at each severity, the mildest first.
 
-    The names are the same in the scores with and without the hardware profile.
+    The names are the same for scenarios with the hardware profile and for scenarios without it.
     """
     difference: float
     """Score of this policy minus score of the baseline policy.
@@ -59,18 +64,18 @@ class Score:
     It is NaN for the baseline, and for a policy with bit-identical episodes.
     """
     p_value: float
-    """p-value of `difference`, before any correction for the number of tests.
+    """p-value of `difference`, before any correction for the number of tests; NaN for the baseline.
 
-    It is from the paired sign-flip permutation test, and NaN for the baseline.
+    The test is the paired sign-flip permutation test over the episode seeds.
     """
 
 
 @dataclass(frozen=True)
 class ScoredCells:
-    """Disturbance axes and policy-scenario results that enter the score, made by `select_scored_cells`."""
+    """Results that enter the score of the policies, made by `select_scored_cells`."""
 
     axes: tuple[SeverityAxis, ...]
-    """Disturbance axes that enter the score, with their scenarios."""
+    """Disturbance axes (kinds of disturbance) that enter the score, with a scenario for every severity."""
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
     """Name of the policy -> name of the scenario -> result of the policy on the scenario.
 
@@ -83,7 +88,10 @@ class ScoredCells:
         return [level.name for axis in self.axes for level in axis.levels]
 
     def by_episode(self, policy: str) -> Floats:
-        """Return the score of a policy in each episode: the mean success over the disturbance axes, (n,)."""
+        """Return the score of a `policy` for each of n seeds, (n,), 0 … 1.
+
+        It is the mean success over the disturbance axes of the episodes with this seed.
+        """
         cells = self.cells_by_policy[policy]
         success_by_axis = [
             np.mean([cells[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in self.axes
@@ -98,17 +106,18 @@ class ScoredCells:
 
 
 def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
-    """Select the policy-scenario results that enter the score.
+    """Select the results that enter the score of the policies.
 
-    The undisturbed walk at constant speed (`steady`) enters the score only if the run has no other scenario.
+    The undisturbed walk at constant speed (`steady`) enters the score only if the evaluation has no other scenario.
 
     Args:
-        cells: Results of a run, one for each pair of policy and scenario.
-        hardware: True to select scenarios with the hardware profile, False to select scenarios without it.
+        cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
+        hardware: True to select scenarios with the hardware profile (models of the real robot's motors and sensors),
+            False to select scenarios without it.
 
     Returns:
-        Scored disturbance axes, and the results of the policies that ran all of their scenarios. No policy is included
-        if the episodes of these policies have different seeds.
+        Disturbance axes that enter the score, and the results of the policies that ran all scenarios of these axes.
+        There are no results if the episodes of these policies have different seeds.
     """
     scored_cells = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     scored_cells = scored_cells or [cell for cell in cells if cell.scenario.hardware == hardware]
@@ -124,15 +133,16 @@ def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool
 
 
 def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bool = False) -> list[Score]:
-    """Compute the scores of the policies that ran every scored scenario.
+    """Compute the score (mean success) of each policy that ran every scenario of the score.
 
     Args:
-        cells: Results of a run, one for each pair of policy and scenario.
-        baseline: Name of the policy that the others are compared with.
-        hardware: True to score scenarios with the hardware profile, False to score scenarios without it.
+        cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
+        baseline: Name of the policy that all other policies are compared with.
+        hardware: True to use scenarios with the hardware profile (models of the real robot's motors and sensors), False
+            to use scenarios without it.
 
     Returns:
-        Scores, the highest first.
+        Scores with confidence intervals, the highest first.
     """
     scored = select_scored_cells(cells, hardware=hardware)
     baseline_values = scored.by_episode(baseline) if baseline in scored.cells_by_policy else None
@@ -141,16 +151,16 @@ def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hard
 
 
 def _score(policy: str, scored: ScoredCells, baseline: str, baseline_values: Floats | None) -> Score:
-    """Compute the score of one policy and its difference from the baseline.
+    """Compute the score of one policy, and the difference from the score of the baseline policy.
 
     Args:
         policy: Name of the policy.
         scored: Disturbance axes and results that enter the score.
-        baseline: Name of the policy that the others are compared with.
-        baseline_values: Score of the baseline in each episode, (n,); None if the baseline has no score.
+        baseline: Name of the policy that all other policies are compared with.
+        baseline_values: Score of the baseline for each of n seeds, (n,), 0 … 1; None if the baseline has no score.
 
     Returns:
-        The score with its interval, and the difference with interval and p-value.
+        Score with its interval, and difference from the baseline with interval and p-value.
     """
     values = scored.by_episode(policy)
     cells = scored.cells_by_policy[policy]
@@ -173,32 +183,35 @@ def _score(policy: str, scored: ScoredCells, baseline: str, baseline_values: Flo
 
 
 def score_interval(values: Floats, scored: ScoredCells) -> Interval:
-    """Compute the 95 % confidence interval of a score.
+    """Compute the 95 % confidence interval of a policy's score (mean success).
 
     Args:
-        values: Score of each episode, (n,), 0 … 1.
+        values: Score of the policy for each of n seeds, (n,), 0 … 1.
         scored: Disturbance axes and results that enter the score.
 
     Returns:
-        Wilson's interval for a single scenario; otherwise the interval of `mean_proportion_interval`.
+        Wilson's interval if the score has a single scenario; otherwise the interval of `mean_proportion_interval`.
     """
     is_single = len(scored.scenarios) == 1
     return wilson_interval(values.sum(), len(values)) if is_single else mean_proportion_interval(values)
 
 
 def is_scored(scenario: Scenario, hardware: bool) -> bool:
-    """Return True if a `scenario` enters the score.
+    """Return True if a scenario enters the score of the policies.
+
+    There are two scores: one for scenarios with the hardware profile (models of the real robot's motors and sensors),
+    and one for scenarios without it.
 
     Args:
-        scenario: Scenario of a run.
+        scenario: Scenario of an evaluation.
         hardware: True for the score of scenarios with the hardware profile, False for the other score.
 
     Returns:
-        True if the scenario belongs to this score, and is not the undisturbed walk at constant speed (`steady`).
+        True if the scenario belongs to this score and is not the undisturbed walk at constant speed (`steady`).
     """
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
 def _base(name: str) -> str:
-    """Return the name of a scenario or disturbance axis, with the suffix `+hardware` removed."""
+    """Return the `name` of a scenario or disturbance axis, with the suffix `+hardware` removed."""
     return name.removesuffix(HARDWARE)

@@ -1,6 +1,7 @@
-"""Scenarios of a run, grouped by disturbance axis and sorted by severity.
+"""Scenarios of an evaluation, grouped by disturbance axis and sorted by severity.
 
-A disturbance axis is a kind of disturbance, for example pushes. A level is a scenario with one severity of its axis.
+A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. Each severity has
+a scenario.
 """
 
 from collections.abc import Sequence
@@ -16,50 +17,61 @@ from quad_env.scenarios.scenario import Scenario
 class SeverityAxis:
     """Scenarios of one disturbance axis, sorted from the mildest to the hardest; made by `severity_axes`.
 
-    A scenario that belongs to no disturbance axis forms an axis on its own. Scenarios with the hardware profile and
-    scenarios without the profile form two axes with different names.
+    A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. A scenario
+    that belongs to no disturbance axis forms an axis on its own. Scenarios with the hardware profile (models of the
+    real robot's motors and sensors) form an axis of their own.
     """
 
     name: str
-    """Name of the disturbance axis, from `axis_name`."""
+    """Name of the disturbance axis, for example `push`, or `push+hardware` with the hardware profile."""
     unit: str
-    """Unit of the severities, for example `N·s`; empty if the severities have no unit."""
+    """Unit of the severities on this disturbance axis, for example `N·s`; empty if they have no unit."""
     scenarios: tuple[Scenario, ...]
-    """Scenarios of the axis, the mildest first."""
+    """All scenarios of the disturbance axis in the evaluation, the mildest first."""
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
-        """Names of the scenarios of the axis, the mildest first."""
+        """Names of all scenarios of the disturbance axis, the mildest first."""
         return tuple(scenario.name for scenario in self.scenarios)
 
     @property
     def levels(self) -> tuple[Scenario, ...]:
-        """Scenarios of the axis with one scenario for each severity, the mildest first.
+        """Scenarios of the disturbance axis, exactly one for each severity, the mildest first.
 
-        Two scenarios of an axis can have the same severity, because the nominal scenario may repeat a level.
+        If two scenarios have the same severity, only the first of them is included. For example, `push` has the same
+        severity as one of the numbered scenarios `push:1`, `push:2`, ….
         """
         return tuple({scenario.severity: scenario for scenario in reversed(self.scenarios)}.values())[::-1]
 
     @property
     def quantity(self) -> str:
-        """Name and unit of the physical quantity that the severity measures, for axis labels and headings."""
+        """Name and unit of the physical quantity that the severity measures, for plot labels and headings."""
         axis = self.scenarios[0].axis
         named = known.quantity if (known := known_axis(axis)) is not None else self.name
         return f"{named}, {self.unit}" if self.unit else named
 
     @property
     def note(self) -> str:
-        """Note for the reader on influences other than the policy on the results of this axis; empty if none."""
+        """Text for the reader on influences, other than the policy, on the results of this axis, or empty."""
         return "" if (known := known_axis(self.name)) is None else known.note
 
     @property
     def is_harder_when_smaller(self) -> bool:
-        """True if a smaller severity makes the scenario harder, for example a smaller friction coefficient."""
+        """True if a smaller severity makes the scenarios of this axis harder, as a friction coefficient does."""
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
 
 def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, ...]:
-    """Group the scenarios of the results `cells` by disturbance axis, in the order of the run."""
+    """Group the scenarios of an evaluation by disturbance axis.
+
+    A disturbance axis is a kind of disturbance with several severities.
+
+    Args:
+        cells: Measured episodes of the evaluation, one result for each policy-scenario pair.
+
+    Returns:
+        Disturbance axes in the order of the evaluation, each with its scenarios from the mildest to the hardest.
+    """
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in cells}
     for scenario in scenarios.values():
@@ -72,8 +84,8 @@ def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, 
 def axis_name(scenario: Scenario) -> str:
     """Return the name of the disturbance axis of a scenario, for example `push`.
 
-    It is `push+hardware` for a scenario with the hardware profile. It is the scenario's name if the scenario belongs to
-    no axis.
+    The name is `push+hardware` for a scenario with the hardware profile (models of the real robot's motors and
+    sensors). It is the name of the scenario if the scenario belongs to no disturbance axis.
     """
     return scenario.axis + scenario.suffix if scenario.axis else scenario.name
 
@@ -81,8 +93,14 @@ def axis_name(scenario: Scenario) -> str:
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Sort the scenarios of one disturbance axis from the mildest to the hardest.
 
-    For an axis of this project, the order of its defined levels shows whether a larger severity is harder. For any
-    other axis, the order of the scenarios in the run shows it.
+    The order of the severities in the definition of the axis shows whether a larger severity is harder. If the axis is
+    not registered, the order of `scenarios` shows it.
+
+    Args:
+        scenarios: Scenarios of one disturbance axis, in the order of the evaluation.
+
+    Returns:
+        The scenarios, the mildest first.
     """
     axis = scenarios[0].axis
     known = known_axis(axis)
@@ -91,18 +109,21 @@ def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
 
 
 def format_amount(value: float, unit: str = "") -> str:
-    """Format the number `value` with its `unit`, for example `35 N·s` or `10°`; `unit` may be empty."""
+    """Format the number `value`, four digits, with its `unit`, such as `35 N·s`; `unit` may be empty."""
     return f"{value:.4g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
 
 
 def format_severity(scenario: Scenario) -> str:
-    """Format the severity of a scenario, for example `35 N·s`; its name if the severity is 0."""
+    """Format the severity of a `scenario` as text, for example `35 N·s`.
+
+    The text is the name of the scenario if its severity is 0.
+    """
     return format_amount(scenario.severity, scenario.severity_unit) if scenario.severity else scenario.name
 
 
 def format_scenario(scenario: Scenario) -> str:
-    """Format disturbance axis and severity of a scenario, for example `push at 35 N·s`.
+    """Format disturbance axis and severity of a `scenario` as text, for example `push at 35 N·s`.
 
-    The text is the scenario's name if the severity is 0.
+    The text is the name of the scenario if its severity is 0.
     """
     return f"{axis_name(scenario)} at {format_severity(scenario)}" if scenario.severity else scenario.name

@@ -1,4 +1,4 @@
-"""Success of a policy on each disturbance axis, with the most common cause of its failures."""
+"""Success of a policy on each disturbance axis (kind of disturbance), and its most common failure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,19 +16,24 @@ from quad_env.cli.format import with_count
 
 @dataclass(frozen=True)
 class Strength:
-    """Success of one policy on one disturbance axis, for the table of best and worst axes.
+    """Success of one policy on one disturbance axis, for the report's table of strengths and weaknesses.
 
-    In a run with a single axis, it is the success at one severity of this axis.
+    A disturbance axis is a kind of disturbance with several severities. If the evaluation has only one axis, the object
+    describes the success at one severity of this axis.
     """
 
     name: str
-    """Name of the disturbance axis; in a run with a single axis, also one of its severities."""
-    success: float
-    """Mean success rate over the severities of the axis, 0 … 1."""
-    reason: str
-    """Most common cause of failure with its count, for example `trip in 31 of 46 failures`.
+    """Name of the disturbance axis, for example `push`.
 
-    The text has the most common outcome if no cause is known. It is empty if no episode failed.
+    If the evaluation has only one axis, the text also contains the severity, for example `push at 35 N·s`.
+    """
+    success: float
+    """Mean success rate of the policy over the severities of the disturbance axis, 0 … 1."""
+    reason: str
+    """Most common cause of failure with its number of episodes, for example `trip in 31 of 46 failures`.
+
+    If no cause is known, the text names the most common outcome of a failed episode, for example `fell`. The text is
+    empty if no episode failed.
     """
 
 
@@ -39,13 +44,16 @@ def strengths(
     *,
     hardware: bool = False,
 ) -> list[Strength]:
-    """Compute the success of a policy on each scored disturbance axis.
+    """Compute the success of a policy on each disturbance axis that enters its score.
+
+    A disturbance axis is a kind of disturbance with several severities.
 
     Args:
-        cells: Results of the run, one for each pair of policy and scenario.
+        cells: Measured episodes of the evaluation, one result for each policy-scenario pair.
         summaries: (scenario name, policy name) -> rates and means over the episodes.
         policy: Name of the policy.
-        hardware: True for scenarios with the hardware profile, False for scenarios without it.
+        hardware: True to use scenarios with the hardware profile (models of the real robot's motors and sensors), False
+            to use scenarios without it.
 
     Returns:
         Success on each disturbance axis that the policy ran, the highest first.
@@ -63,7 +71,15 @@ def strengths(
 
 
 def _reason(summaries: Sequence[Summary]) -> str:
-    """Return the most common cause of failure in `summaries` with its count; empty if no episode failed."""
+    """Return the most common cause of failure as text, for example `trip in 31 of 46 failures`.
+
+    Args:
+        summaries: Summaries of one policy, one for each scenario.
+
+    Returns:
+        The text. It names the most common outcome of a failed episode if no cause is known, and is empty if no episode
+        failed.
+    """
     failures = sum(summary.episodes - summary.successes for summary in summaries)
     if not failures:
         return ""

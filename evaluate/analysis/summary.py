@@ -18,18 +18,18 @@ from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, 
 from quad_env.robots.robot import Robot
 
 _MEANS = (*ERRORS, "velocity_error_upright", "overspeed", "energy", "distance")
-"""Fields of `Summary` that are means over the episodes of the measure with the same name."""
+"""Names of the fields of `Summary` that are means, over episodes, of the measure with the same name."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of the episodes of one policy on one scenario, made by `summarise`.
+    """Rates and means over the episodes of one policy on one scenario, made by `summarise`.
 
     A number is NaN if it is not defined in any episode. The field names are the keys in results.json.
     """
 
     episodes: int
-    """Number of episodes."""
+    """Number of episodes of the policy on the scenario."""
     severity: float
     """Severity of the scenario in `severity_unit`; 0 if the scenario belongs to no disturbance axis."""
     severity_unit: str
@@ -39,61 +39,86 @@ class Summary:
     success_rate: float
     """Proportion of successful episodes, 0 … 1."""
     success_rate_ci: Interval
-    """95 % Wilson interval of `success_rate`."""
+    """95 % Wilson interval of `success_rate`, 0 … 1."""
     outcomes: dict[str, int]
-    """Outcome of an episode, for example `succeeded` -> number of episodes with this outcome."""
+    """Name of an outcome, for example `succeeded` or `fell` -> number of episodes with this outcome."""
     causes: dict[str, int]
-    """Cause of failure -> number of failed episodes; causes that do not occur are left out."""
+    """Name of a cause of failure, for example `trip` -> number of episodes that failed by this cause.
+
+    Causes that do not occur are left out.
+    """
     falls: int
     """Number of episodes in which the robot fell or the simulation diverged before the time limit."""
     fall_rate: float
     """Proportion of episodes in which the robot fell or the simulation diverged, 0 … 1."""
     fall_rate_ci: Interval
-    """95 % Wilson interval of `fall_rate`."""
+    """95 % Wilson interval of `fall_rate`, 0 … 1."""
     diverged: int
     """Number of episodes in which the simulation diverged, because it became numerically unstable."""
     time_to_fall: float
-    """Mean time of the fall over the episodes with a fall, s."""
+    """Mean time from the start of an episode to the fall, over the episodes with a fall, s."""
     velocity_error: float
-    """Planar velocity error, mean over all steps of an episode and then over the episodes, m/s."""
+    """Planar velocity error, heading frame: mean over the steps of an episode, then over episodes, m/s.
+
+    The first second does not count. Each control step after a fall counts with the largest error.
+    """
     velocity_error_ci: Interval
     """95 % bootstrap interval of `velocity_error`, m/s."""
     velocity_error_upright: float
-    """Planar velocity error of the steps before a fall, mean over these steps and the episodes, m/s."""
+    """Planar velocity error over the steps before a fall, heading frame, mean over the episodes, m/s."""
     mean_velocity_error: float
-    """Error of the mean velocity over each interval of constant command, mean over the episodes, m/s."""
+    """Difference between the mean velocity in an interval of constant command and the command, m/s.
+
+    It is the mean over the intervals of an episode and then over the episodes.
+    """
     mean_velocity_error_ci: Interval
     """95 % bootstrap interval of `mean_velocity_error`, m/s."""
     yaw_rate_error: float
-    """Yaw-rate error, mean over all steps of an episode and then over the episodes, rad/s."""
+    """Yaw-rate error: mean over the control steps of an episode, then over the episodes, rad/s.
+
+    The first second does not count. Each control step after a fall counts with the largest error.
+    """
     yaw_rate_error_ci: Interval
     """95 % bootstrap interval of `yaw_rate_error`, rad/s."""
     cost_of_transport: float
-    """Cost of transport: energy of all episodes / (weight of the robot · distance of all episodes).
+    """Cost of transport of all episodes together, without unit.
 
-    `figures` contains the same value.
+    It is the energy of all episodes / (weight of the robot · distance of all episodes). `figures` contains the same
+    value.
     """
     overspeed: float
-    """Fraction of joints and time above the rated joint speed, mean over the episodes."""
+    """Fraction of joints and control steps above the rated joint speed, mean over the episodes."""
     energy: float
-    """Energy of an episode, mean over the episodes, J."""
+    """Mechanical energy of the motors in an episode, mean over the episodes, J."""
     distance: float
-    """Distance walked in an episode, mean over the episodes, m."""
+    """Distance that the robot walked in an episode, mean over the episodes, m."""
     figures: dict[str, float]
-    """Name of a measure in `evaluate.measures.catalogue` -> mean over the episodes in which it is not NaN.
+    """Name of a measure of an episode -> mean over the episodes in which the measure is not NaN.
 
-    The cost of transport is an exception: it is computed from all episodes together.
+    `evaluate.measures.catalogue` has the unit and formula of each measure. The cost of transport is an exception: it is
+    computed from all episodes together.
     """
     duty_factor: tuple[float, ...]
-    """Duty factor (fraction of time in stance) of each foot, (4,), mean over the episodes."""
+    """Duty factor (fraction of time in stance) of feet FL, FR, RL, RR, (4,), mean over the episodes."""
     effort: dict[str, float]
-    """Effort measure in EFFORT -> mean as in `figures`; the duty factor is the mean over all feet."""
+    """Name of an effort measure, as in EFFORT -> mean over the episodes in which the measure is not NaN.
+
+    The duty factor is also the mean over all feet.
+    """
     effort_intervals: dict[str, Interval]
-    """Effort measure in EFFORT -> 95 % confidence interval of its mean."""
+    """Name of an effort measure, as in EFFORT -> 95 % confidence interval of its mean, in its unit."""
 
 
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
-    """Summarise the episodes of the result `cell`; the weight of the `robot` enters the cost of transport."""
+    """Compute rates and means, with confidence intervals, over the episodes of one policy on one scenario.
+
+    Args:
+        cell: Result of the policy on the scenario: all measured episodes.
+        robot: Robot of the evaluation; its weight enters the cost of transport.
+
+    Returns:
+        The summary.
+    """
     measures = cell.measures
     falls = int(measures.fell.sum())
     successes = int(measures.succeeded.sum())
@@ -129,6 +154,6 @@ def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
 
 
 def _mean(values: Floats) -> float:
-    """Return the mean of the values that are not NaN; NaN if all are NaN."""
+    """Return the mean of those `values`, (n,), that are not NaN, in their unit; NaN if all values are NaN."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")

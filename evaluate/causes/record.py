@@ -1,4 +1,4 @@
-"""Recorded signals of one failed episode, and quantities computed from them, for the search for its cause."""
+"""Recorded signals of one failed episode, and derived quantities, for the search for its cause."""
 
 import json
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
-"""Thresholds of the rules that determine the cause of a failed episode: name -> (value, unit, reason for the value).
+"""Thresholds of the rules for causes of failure: name -> (value, unit, reason for the value).
 
 The values hold for the robot SimpleQuad. The file thresholds.json contains them.
 """

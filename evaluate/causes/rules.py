@@ -1,4 +1,4 @@
-"""Rules that find the cause of a failed episode: each rule is a function that searches for one kind of cause.
+"""Rules that find the cause of a failed episode: each function searches for one kind of cause.
 
 A rule yields events. An event is a possible cause with a score, which is the measured quantity divided by a threshold.
 An instantaneous event, for example a collision of a foot with a step, happens in one control step. A lasting event, for
@@ -35,13 +35,13 @@ UNCLEAR = "unclear"
 CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED, POLICY, UNCLEAR)
 """Names of all causes of failure, as in results.json; each failed episode has exactly one cause."""
 CAUSE_RULE = "causes/1"
-"""Version of the rules that determine causes of failure; manifest.json of every evaluation contains it."""
+"""Version of the rules that determine causes of failure, as stored in manifest.json."""
 TRIP_WINDOW_STEPS = 3
-"""Number of control steps over which the speed of a leg before a collision with an obstacle is averaged."""
+"""Number of control steps before a collision over which the speed of a leg is averaged."""
 SATURATION_WINDOW_STEPS = 5
 """Number of control steps over which a motor torque is averaged before it is compared with its limit."""
 MIN_TRIP_SCORE = 0.5
-"""Minimum score with which a collision of a leg is yielded as an event (a possible cause of a failure).
+"""Minimum score with which a collision of a leg counts as an event (possible cause of a failure).
 
 The score is the measured quantity divided by its threshold. An event needs a score of 1 to be the cause, but smaller
 scores count in the decision if no event reaches 1.
@@ -146,7 +146,7 @@ def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a collision of the trunk with an obstacle, for example a step, that ended the episode as a fall.
+    """Find a collision of the trunk with an obstacle, for example a step, that ended as a fall.
 
     The collision counts only if the failure began shortly before and the tilt of the trunk was small. Otherwise the
     robot was already falling.
@@ -229,7 +229,7 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _saturation(record: EpisodeSignals) -> Event:
-    """Return the event that motors were at their torque limit, or at the speed limit of their torque-speed curve.
+    """Return the event that motors were at their torque limit or speed limit.
 
     The speed limit counts only if the motor model has a torque-speed curve. The score is the fraction of joints and
     control steps at a limit, divided by its threshold.
@@ -252,7 +252,7 @@ def _saturation(record: EpisodeSignals) -> Event:
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs that cannot reach further: a joint is at its limit, or the leg is almost fully stretched.
+    """Find stance legs that cannot reach further: at a joint limit, or almost fully stretched.
 
     Only measured joint angles count. Joint targets do not, because crouching gaits usually have targets beyond a joint
     limit.
@@ -294,7 +294,7 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a delay of observations and actions, and joint targets that servos did not receive before the failure.
+    """Find a delay of observations and actions, and joint targets that servos did not receive.
 
     The score of a delay is the delay divided by the robot's time constant of falling and by a threshold.
     """
@@ -307,7 +307,7 @@ def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
-    """Find servos that received no joint targets for some time (a dropout) shortly before the failure began.
+    """Find servos that received no joint targets for some time (dropout) before the failure began.
 
     A servo holds its last target during a dropout. The score is the largest difference, in rad, between the targets
     that the policy sent meanwhile and this last target, divided by its threshold.
@@ -333,7 +333,7 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
 RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
 """Rules that search for the cause if the robot fell; the events of all of these rules are compared."""
 UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
-"""Rules that search for the cause if an episode failed although the robot stayed upright, in order of priority.
+"""Rules that search for the cause of a failure in which the robot stayed upright, by priority.
 
 The first rule that yields an event with a score of at least 1 determines the cause.
 """
@@ -388,7 +388,7 @@ def _rise_text(record: EpisodeSignals, height: float) -> str:
 
 
 def _observation_delay_steps(record: EpisodeSignals) -> int:
-    """Return the delay of the observations in the scenario of an episode, in control steps; 0 for no delay."""
+    """Return the delay of the observations in the episode's scenario, in control steps; 0 for none."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
@@ -408,12 +408,12 @@ def _running_mean(values: Floats | Bools, length: int) -> Floats:
 
 
 def _root_mean_square(values: Floats) -> float:
-    """Return the root mean square of `values`, (steps,), over all control steps, in the unit of the values."""
+    """Return the root mean square of `values`, (steps,), over the control steps, in their unit."""
     return float(np.sqrt((values**2).mean()))
 
 
 def _first_step(window: slice, mask: Bools) -> int:
-    """Return the index of the first control step of a range in which a condition holds for any of k feet or joints.
+    """Return the index of the first control step in which a condition holds for any foot or joint.
 
     Args:
         window: Range of control steps.

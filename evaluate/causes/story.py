@@ -49,7 +49,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
 
 
 def _events(decided: Verdict) -> list[tuple[int, str]]:
-    """Return control step and description of the event that caused a failure, and of up to two other events.
+    """Return control step and description of the cause of a failure, and of up to two other events.
 
     The other events belong to other possible causes. Of each cause, the event with the highest score is chosen.
 
@@ -66,7 +66,7 @@ def _events(decided: Verdict) -> list[tuple[int, str]]:
 
 
 def _departure(record: EpisodeSignals) -> tuple[int, str]:
-    """Return the control step at which the robot left its ordinary gait before a fall, and a description of it.
+    """Return control step and description of the moment at which the robot left its ordinary gait.
 
     The description contains the tilt and the capture point of the robot in this control step.
     """

@@ -17,9 +17,9 @@ from quad_env.robots.similarity import scale_factor
 from quad_env.scenarios.scenario import Scenario
 
 TRIGGERED = 1.0
-"""Minimum score of an event that can be the cause of a failure; a score is a quantity divided by its threshold."""
+"""Minimum score (measured quantity / threshold) of an event that can be the cause of a failure."""
 MAX_FAILURE_LENGTH = 120
-"""Number of characters after which a policy's error message is cut in the description of a failure's cause."""
+"""Number of characters after which a policy's error message is cut in the description of a cause."""
 
 
 class Verdict(NamedTuple):
@@ -85,7 +85,7 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
-    """Choose the cause of a fall: the first instantaneous event, otherwise the lasting event with the highest score.
+    """Choose the cause of a fall: the first instantaneous event, otherwise the strongest lasting event.
 
     Only events with a score (quantity / threshold) of at least 1 count. A joint limit is chosen only if no other event
     has this score. The cause is `unclear` if the scenario starts in a random pose, or if the robot falls within the
@@ -193,7 +193,7 @@ def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def worst_interval(measures: Measures, number: int) -> int:
-    """Return the index of the command interval (interval of constant command) with the worst velocity error.
+    """Return the index of the interval of constant command with the worst velocity error.
 
     The velocity error is divided by the tolerance of the success rule. An interval in which the robot covered too
     little of the commanded distance counts as worse: 10 is added to this quotient.

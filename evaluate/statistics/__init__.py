@@ -1,1 +1,1 @@
-"""Statistics of an evaluation: confidence intervals, significance tests and breaking points of policies."""
+"""Statistics of an evaluation: confidence intervals, significance tests and breaking points."""

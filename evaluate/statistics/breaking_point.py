@@ -31,7 +31,7 @@ at the hardest severity. `always`: half or more fail at the mildest severity.
 
 @dataclass(frozen=True)
 class BreakingPoint:
-    """Severity of a disturbance at which half of the episodes of a policy fail, with a confidence interval."""
+    """Severity of a disturbance at which half of the episodes of a policy fail, with its interval."""
 
     found: BreakingPointKind
     """Result of the search for the severity at which half of the episodes fail.
@@ -45,7 +45,7 @@ class BreakingPoint:
     It is NaN if `found` is `never` or `always`.
     """
     ci: Interval
-    """95 % confidence interval of `severity50`, in its unit; an end beyond the tested severities is infinite."""
+    """95 % confidence interval of `severity50`, in its unit; an end beyond the tested range is infinite."""
 
 
 def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
@@ -73,11 +73,11 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 
 
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """Fit a curve of the failure rate over the severity of a disturbance that never falls (isotonic regression).
+    """Fit a non-decreasing curve of the failure rate over the severity (isotonic regression).
 
-    The curve is linear in ln(severity) between its points. If the failure rate falls from one severity to the next,
-    centred isotonic regression merges them into one point at their mean (Oron and Flournoy 2017, Statistics in
-    Biopharmaceutical Research 9). A severity of 0 is left out because it has no logarithm.
+    The curve is linear in ln(severity) between its points. If the failure rate falls from one severity to the next, the
+    two are merged into one point at their mean. This method is centred isotonic regression (Oron and Flournoy 2017,
+    Statistics in Biopharmaceutical Research 9). A severity of 0 is left out because it has no logarithm.
 
     Args:
         severities: Tested severities of the disturbance, the mildest first, (k,).

@@ -1,4 +1,4 @@
-"""95 % confidence intervals of proportions and means over episodes, and random resamples for the bootstrap.
+"""95 % confidence intervals of proportions and means over episodes, and resamples for the bootstrap.
 
 Every bootstrap has a fixed random seed, so that the same episodes always give the same report.
 """
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-"""Lower and upper end of a confidence interval, in the unit of the estimated quantity; NaN if not defined."""
+"""Lower and upper end of a confidence interval, in the unit of the quantity; NaN if not defined."""
 
 CONFIDENCE = 0.95
 """Confidence level of every interval: the probability that it contains the true value."""
 UNBOUNDED = (-np.inf, np.inf)
-"""Smallest and largest possible value of a quantity without limits, as an argument of the interval functions."""
+"""Smallest and largest possible value of a quantity without limits, for the interval functions."""
 RESAMPLES = 9999
 """Number of random resamples of the episodes from which a bootstrap interval is computed."""
 MAX_CACHED_VALUES = 12_000_000
@@ -26,14 +26,14 @@ MAX_CACHED_VALUES = 12_000_000
 Larger arrays are drawn again at each use.
 """
 BLOCK_VALUES = 500_000
-"""Number of values of bootstrap resamples that are drawn at once if all of them are too large for the cache.
+"""Number of values of bootstrap resamples drawn at once if all of them are too large for the cache.
 
 The resamples are drawn in blocks of this size to limit the use of memory.
 """
 
 
 def wilson_interval(successes: float, trials: float) -> Interval:
-    """Compute the 95 % Wilson score interval of the proportion `successes` / `trials`; (NaN, NaN) for 0 trials."""
+    """Compute the 95 % Wilson interval of the proportion `successes` / `trials`; (NaN, NaN) for 0 trials."""
     from scipy.special import ndtri
 
     if trials == 0:
@@ -102,7 +102,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
     quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
-        """Return Tango's score of a difference minus `sign` · quantile; the value is 0 at an end of the interval.
+        """Return Tango's score of a difference minus `sign` · quantile; it is 0 at an end of the interval.
 
         Args:
             hypothesis: Hypothetical difference between the two proportions, −1 … 1.
@@ -122,8 +122,8 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
     """Return Tango's score of a hypothetical difference between two paired proportions, a − b.
 
     The score is the observed difference minus the hypothetical difference δ, in standard deviations. The standard
-    deviation follows from the expected proportion q of the pairs in which only b is true. It solves
-    2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14) with n = `pairs`, b = `only_b` and B = `linear`.
+    deviation follows from the expected proportion q of the pairs in which only b is true. It is a root of the equation
+    2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14). There, n is `pairs`, b is `only_b` and B is `linear`.
 
     Args:
         only_a: Number of pairs in which only a is true.
@@ -275,7 +275,7 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
 
 @lru_cache(maxsize=4)
 def _cached_counts(size: int, count: int, seed: int) -> Floats:
-    """Draw all bootstrap resamples at once, (count, size), and cache the read-only array for the next call.
+    """Draw all bootstrap resamples at once, and cache the read-only array for the next call.
 
     Args:
         size: Number of values in the sample and in each resample.

@@ -1,4 +1,6 @@
-"""Group-sequential test of adjacent policies of a ranking, with a limited error rate over all interim analyses.
+"""Group-sequential test of adjacent policies of a ranking, with a limited error rate.
+
+The limit holds over all interim analyses together.
 
 An interim analysis (look) tests the episodes that have been simulated so far. It compares the paired p-value of two
 adjacent policies with a nominal significance level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
@@ -24,23 +26,23 @@ from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
 LEVEL = 0.045
-"""Largest probability that a report claims any difference between adjacent policies that does not exist.
+"""Largest probability that a report claims a difference between adjacent policies that are equal.
 
 It is nine tenths of the 5 % of a whole report. The remaining tenth belongs to the claims on single scenarios.
 """
 LOOKS = 4
-"""Number of interim analyses of a run --until settled, equally spaced up to the maximum number of episodes."""
+"""Number of interim analyses of an evaluation --until settled, equally spaced up to the last episode."""
 FUTILITY_POWER = 0.05
 """Predictive power, 0 … 1, below which more episodes are futile for the test of two adjacent policies.
 
 The predictive power is the probability that the last interim analysis distinguishes the two policies.
 """
 _POINTS = 401
-"""Number of points of the numerical integration between the lower and the upper boundary of the test statistic."""
+"""Number of points of the numerical integration between the boundaries of the test statistic."""
 
 
 class AdjacentTest(NamedTuple):
-    """Test of two adjacent policies of a ranking in one interim analysis, made by `compare_adjacent_policies`."""
+    """Test of two adjacent policies of a ranking in one interim analysis."""
 
     ahead: str
     """Name of the policy with the higher score."""
@@ -84,7 +86,7 @@ def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -
 
 
 def correction(episodes: int, max_episodes: int, policies: int) -> float:
-    """Return the factor that corrects the p-values of adjacent policies for the number of interim analyses.
+    """Return the factor that corrects p-values of adjacent policies for the number of interim analyses.
 
     Args:
         episodes: Number of episodes at the interim analysis that gave the p-values.
@@ -157,7 +159,9 @@ def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Return the probability that the test statistic exceeds ±`bound` at the next interim analysis, minus `chance`.
+    """Return the probability of a test statistic beyond ±`bound`, minus a wanted probability `chance`.
+
+    The test statistic is the one at the next interim analysis.
 
     The root of this function is the boundary at the next interim analysis. Until then, the test statistic changes by a
     normally distributed increment with mean 0.
@@ -178,7 +182,9 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
 
 
 def predictive_power(p_value: float, share: float, last_level: float) -> float:
-    """Compute the predictive power: the probability that the last interim analysis distinguishes two policies.
+    """Compute the probability that the last interim analysis distinguishes two policies.
+
+    This probability is called predictive power.
 
     The true difference between the policies has a flat prior distribution (Spiegelhalter, Freedman and Blackburn 1986,
     Controlled Clinical Trials 7).

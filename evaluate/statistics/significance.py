@@ -1,4 +1,4 @@
-"""Paired significance tests of the difference between two policies, and Holm's correction for multiple tests."""
+"""Paired significance tests of two policies, and Holm's correction for multiple tests."""
 
 import itertools
 from collections.abc import Sequence
@@ -8,14 +8,14 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 EXACT_PAIRS = 13
-"""Largest number n of paired episodes for which the sign-flip test enumerates all 2^n sign vectors (8192).
+"""Largest number n of paired episodes for which the test enumerates all 2^n sign vectors (8192).
 
 For more pairs, the test draws sign vectors at random.
 """
 FLIPS = 9_999
-"""Number of random sign vectors that the sign-flip test draws first for more than EXACT_PAIRS paired episodes."""
+"""Number of random sign vectors that the sign-flip test draws first for more than EXACT_PAIRS pairs."""
 MORE_FLIPS = 99_999
-"""Total number of random sign vectors of the sign-flip test if the first FLIPS give a very small p-value.
+"""Total number of random sign vectors of the sign-flip test if the first ones give a small p-value.
 
 The first FLIPS alone give no p-value below 1/10000. Holm's correction multiplies it by the number of comparisons. In a
 full benchmark run, the product would never be significant.
@@ -83,7 +83,7 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 
 
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
-    """Count the random sign vectors for which the sum of the signed differences has at least the observed size.
+    """Count the random sign vectors for which the signed sum has at least the observed size.
 
     A sign vector multiplies each difference by 1 or −1. One random byte gives the signs of eight differences.
 
