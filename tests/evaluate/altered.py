@@ -14,14 +14,14 @@ from evaluate.records.store import EPISODES
 
 
 def column(rows: pa.Table, name: str, values: Any, kind: pa.DataType | None = None) -> pa.Table:
-    """The rows with other values in a column, of its own type unless another is given."""
+    """Return the rows with other values in a column; `kind` changes the type of the column."""
     field = rows.schema.field(name)
     field = field.with_type(kind or field.type)
     return rows.set_column(rows.schema.get_field_index(name), field, pa.array(values, field.type))
 
 
 def with_value(name: str, row: int, value: object) -> Callable[[pa.Table], pa.Table]:
-    """A change of one value."""
+    """Return a function that changes one value of the rows."""
 
     def change(rows: pa.Table) -> pa.Table:
         values = rows.column(name).to_pylist()
@@ -32,7 +32,7 @@ def with_value(name: str, row: int, value: object) -> Callable[[pa.Table], pa.Ta
 
 
 def other(run: Any, folder: Path, change: Callable[[pa.Table], pa.Table] = lambda rows: rows, **fields: Any) -> Path:
-    """A copy of the run with other rows and another manifest, as if they had been written so."""
+    """Return a copy of the run with other rows and another manifest, with consistent hashes."""
     shutil.copytree(run.folder, folder, dirs_exist_ok=True)
     found = dataclasses.replace(manifest.read(folder), **fields).with_fingerprint()
     found.write(folder)

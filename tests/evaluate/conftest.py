@@ -1,4 +1,4 @@
-"""One small comparison, made by the command itself, that several test files look at."""
+"""A small comparison, made by the command, that several test files use."""
 
 import dataclasses
 import json
@@ -37,7 +37,7 @@ def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mistake must be found before anything is simulated."""
+    """Let every simulation fail: an error must be found before the simulation."""
 
     def simulated(*_args: Any, **_options: Any) -> None:
         raise AssertionError("an episode was simulated")
@@ -69,7 +69,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def outcomes(
     policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0
 ) -> PolicyScenarioResult:
-    """Episodes that fell or succeeded, with an error in every error metric; all other figures do not exist."""
+    """Return episodes that fell or succeeded, with one error in every error metric; all other measures are missing."""
     fell = np.asarray(fell, bool)
     errors = np.zeros(len(fell)) if error is None else np.asarray(error, float)
     known = {"fell": fell, "velocity_error": errors, "yaw_rate_error": errors, "mean_velocity_error": errors}
@@ -89,7 +89,7 @@ def outcomes(
 
 @pytest.fixture
 def made_up_cell() -> Callable[..., PolicyScenarioResult]:
-    """Makes a cell of outcomes that a test chooses: policy, fell, error, scenario, first seed."""
+    """Return a function that makes a cell of given outcomes: policy, fell, error, scenario, first seed."""
     return outcomes
 
 
@@ -112,7 +112,10 @@ def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> Po
 
 @pytest.fixture(scope="session")
 def made() -> Results:
-    """Trot and another policy: fewer falls on three of four pushes, more on rough, none on flat."""
+    """Return cells of two policies.
+
+    `other` falls less than trot on three of four pushes, more on rough, never on flat.
+    """
     falls = {
         "flat": (0, 0),
         "push:1": (0, 0),

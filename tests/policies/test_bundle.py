@@ -40,7 +40,7 @@ def network(*sizes):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A sound bundle over a trot with parameters of its own."""
+    """Return the folder of a valid bundle of a trot with non-default parameters."""
     base = Trot(replace(TrotParameters(), body_height=0.41, yaw_gain=1.07))
     policy = ResidualPolicy(base, network(62, 16, 12), authority=np.linspace(0.1, 0.3, 12, dtype=np.float32))
     save(tmp_path / "model", policy, training={"steps": 5, "seed": 0}, git_revision="abc123")
@@ -48,7 +48,7 @@ def folder(tmp_path):
 
 
 def rewrite(folder, **changes):
-    """Change top-level fields of the description; None removes one."""
+    """Change top-level fields of the description; None removes a field."""
     description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8")) | changes
     (folder / DESCRIPTION).write_text(
         json.dumps({k: v for k, v in description.items() if v is not None}), encoding="utf-8"
@@ -56,7 +56,7 @@ def rewrite(folder, **changes):
 
 
 def replace_weights(folder, content):
-    """Put other weights in, with the SHA-256 that belongs to them."""
+    """Replace the weights, and set their SHA-256 in the description."""
     (folder / WEIGHTS).write_bytes(content)
     rewrite(folder, weights_sha256=hashlib.sha256(content).hexdigest())
 
@@ -193,7 +193,7 @@ def test_a_missing_or_truncated_file_is_refused(folder, file, keep):
 
 
 class Trap:
-    """Leaves a file behind when it is unpickled."""
+    """Object that writes a file when it is unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -297,7 +297,7 @@ def test_what_is_no_policy_is_answered_with_the_names_and_a_missing_path_as_such
 
 
 def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
-    """As `evaluate runs/mine` calls it: bundles lie in best/ and last/ there."""
+    """`evaluate runs/mine` finds the bundles best/ and last/ of the training run."""
     run = tmp_path / "runs" / "mine"
     shutil.copytree(folder, run / "best")
     (run / "config.json").write_text("{}", encoding="utf-8")
@@ -328,13 +328,13 @@ def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):
     found = policies.resolve(tmp_path / "model", robot=robot)
     assert found.robot == robot
     assert found.base.parameters == Trot(robot=robot).parameters
-    renamed = replace(robot, name="renamed")  # so is the robot whose file is
+    renamed = replace(robot, name="renamed")  # the robot of the file is renamed as well
     assert policies.resolve(tmp_path / "model", robot=renamed).robot == renamed
     with pytest.raises(policies.PolicyError, match="say which with --robot"):
         policies.resolve(tmp_path / "model")
     with pytest.raises(policies.PolicyError, match="was made for simple_quad"):
         policies.resolve(MODELS / "residual", robot=robot)
-    heavier = alike(tmp_path, heavier=0.11)  # in the place of the other
+    heavier = alike(tmp_path, heavier=0.11)  # replaces the first robot
     with pytest.raises(policies.PolicyError, match="trained on another model of"):
         policies.resolve(tmp_path / "model", robot=heavier)
 
@@ -371,12 +371,12 @@ def test_a_description_that_was_altered_is_refused(folder, changes):
     rewrite(folder, **changes)
     with pytest.raises(policies.PolicyError, match="is not as it was written"):
         load(folder)
-    rewrite(folder, description_sha256=None)  # as older versions wrote it
+    rewrite(folder, description_sha256=None)  # format of older versions
     load(folder)
 
 
 def test_the_digests_of_shipped_policies_are_made_by_a_command(tmp_path):
-    """Without its digest each is what an older version wrote, and has the same bytes again once it is sealed."""
+    """Each bundle without digest equals one of an older version, and has its present bytes again after sealing."""
     for shipped in sorted(MODELS.glob("**/policy.json")):
         shutil.copytree(shipped.parent, made := tmp_path / shipped.parent.relative_to(MODELS), dirs_exist_ok=True)
         rewrite(made, description_sha256=None)

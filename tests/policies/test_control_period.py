@@ -1,4 +1,4 @@
-"""What a policy does in a second does not depend on how often it is asked, and a wrong rate is refused."""
+"""A policy acts equally over time at any control period; a wrong control rate is refused."""
 
 import dataclasses
 from functools import partial
@@ -23,33 +23,32 @@ UNTRAINED = [name for name in policies.names() if name not in policies.TRAINED]
 AT_REST, WALKING = reading(1), reading(1, command=(0.4, 0.1, 0.2))
 ON_ITS_BACK = -AT_REST
 SLACK = 0.08
-"""What rates of change and blends that end between two steps leave, rad."""
+"""rad. Difference from rate limits and blends that end between two steps."""
 SLACK_OF = {"mpc_wbc": 0.05}
-"""The same of a gait that moves its joints by little."""
+"""rad. Difference for a gait with small joint motions."""
 LEAPS = 0.05
-"""Share of the times at which a motion begins with a leap that may come a step later."""
+"""Share of steps in which a motion may start with a jump that comes one step later."""
 LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc": 0.15, "trot_feedback": 0.1}
-"""The same of gaits by what the feet feel, and of one that lifts its feet twice in a cycle of which a half is no whole
-number of such steps."""
+"""Share of these steps for gaits that use contact forces, and for a gait with an odd number of steps in a cycle."""
 WAITING = 0.6
-"""For how long at most a policy that does not know its delay waits for legs to move, which they never do here, s."""
+"""s. Largest time that a policy waits for leg motion when its delay is unknown; the legs never move in these tests."""
 IN_TIME = {*LEAPS_OF, *(name for name in UNTRAINED if not name.startswith(("stand", "crouch", "mpc")))}
 
 
 def shown(policy, observation):
-    """The observation with the scan that the policy wants, of which nothing is seen."""
+    """Return the observation with an empty height scan, if the policy has one."""
     unseen = table_with(policy.robot, policy.height_scan).size - OBSERVATION_SIZE
     return np.pad(observation, ((0, 0), (0, unseen)), constant_values=UNSEEN)
 
 
 def ask(policy, observation, seconds):
-    """Actions of so long, (steps, 12)."""
+    """Return the actions over a time, s, (steps, 12)."""
     observation = shown(policy, observation)
     return np.array([policy.act(observation)[0] for _ in range(round(seconds / policy.control_period))])
 
 
 def assert_the_same_in_time(often, seldom, slack=SLACK, leaps=LEAPS):
-    """Actions at 100 Hz and at 50 Hz are the same at the same times but for leaps, and move a joint by far more."""
+    """Check that actions at 100 Hz and at 50 Hz agree at equal times except for jumps, and move a joint by far more."""
     same = (np.abs(often[1::2] - seldom) <= slack).all(axis=1)
     assert same.mean() >= 1.0 - leaps
     assert np.ptp(seldom, axis=0).max() >= 3.0 * slack
@@ -79,7 +78,7 @@ CHANGES = {
     "recover": (partial(Behaviour, State.RECOVER, False), methodcaller("reset"), ON_ITS_BACK, 0.2, 0.4),
     "stop": (partial(policies.make, "safe:trot"), methodcaller("emergency_stop"), AT_REST, 0.2, 0.8),
 }
-"""What is made, what is requested of it, what it reads, and seconds before and after the request."""
+"""Change -> policy, request, observation, and s before and after the request."""
 
 
 @pytest.mark.parametrize("change", CHANGES)

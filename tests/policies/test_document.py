@@ -8,7 +8,7 @@ from policies.article import Document, PrintedGait, printed_joint_angles
 from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-# φ -> fl, fr, hl, hr, each hip, thigh, calf: the reference values that the project goes by.
+# φ -> fl, fr, hl, hr, each hip, thigh, calf: the reference values of the project.
 REFERENCE = {
     0.0: [
         (0.531808096948, -2.900116590832, -2.263849408375),
@@ -72,4 +72,4 @@ def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
     assert policy.phase == pytest.approx([phase])
     expected = np.clip(policy.targets(phase), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     np.testing.assert_allclose(action, expected, atol=1e-6)
-    assert action[1] == np.float32(-1.5)  # printed pitch of -2.9 rad: the thigh sits at its stop
+    assert action[1] == np.float32(-1.5)  # the printed pitch is -2.9 rad: the thigh is at its limit

@@ -21,7 +21,7 @@ def test_feet_keep_to_the_printed_line_stride_and_heights_without_a_jump():
 
 
 def test_stance_by_hand():
-    # fr at φ = 0 touches down at (0.05, -0.15, -0.25). In the leg's plane the foot is √(0.15² + 0.25² - 0.1²) =
+    # fr at φ = 0 touches down at (0.05, -0.15, -0.25). In the plane of the leg, the foot is √(0.15² + 0.25² - 0.1²) =
     # √0.075 m down and 0.05 m ahead: √0.0775 m from the thigh joint, so calf = -2·acos(√0.0775/0.6).
     hip, thigh, calf = DocumentRepaired().targets(0.0)[3:6]
     assert calf == pytest.approx(-2.0 * np.arccos(np.sqrt(0.0775) / 0.6), abs=1e-12)
@@ -54,7 +54,7 @@ def test_it_marches_forward_from_12_starts_without_a_fall():
         calves.append(observation[:, OBSERVATION["joint_position"]][:, 2::3])
     env.close()
     assert np.ptp(calves[250:], axis=0).min() > 0.2  # every leg lifts and lowers
-    # A stride of 0.1 m in a stance of 0.25 s would be 0.4 m/s if nothing gave. The high printed lift on the lagging
-    # joints of a compliant robot costs nearly all of it, but it goes forward, from every start.
+    # A stride of 0.1 m in a stance of 0.25 s gives 0.4 m/s on a rigid robot. The high printed lift on the lagging
+    # joints of a compliant robot costs nearly all of it, but the robot goes forward from every start.
     assert velocity.min() > 0.02
     assert velocity.max() < 0.08

@@ -1,4 +1,4 @@
-"""Observation history of a network, by hand: frames of a while ago, and averages."""
+"""Observation history of a network, by hand: lagged frames and averages."""
 
 import math
 
@@ -11,7 +11,7 @@ DT = 0.01
 
 
 def frame(*values: float) -> np.ndarray:
-    """Of each robot one number, and its double."""
+    """Return a frame with one number per robot and its double."""
     return np.array([(value, 2.0 * value) for value in values], np.float32)
 
 
@@ -26,7 +26,7 @@ def test_lagged_frames_are_as_old_as_they_say_and_the_first_stands_for_all_befor
 
 
 def test_averages_take_in_a_change_by_their_time_constant_and_begin_with_the_first_frame() -> None:
-    """After k steps of 10 ms 1 - e^(-k / 10) of it, of a time constant of 0.1 s; lagged frames come first."""
+    """After k steps of 10 ms, 1 - e^(-k / 10) of a change is in the average of 0.1 s; lagged frames are first."""
     history = History(Inputs(lags=(0.02,), averages=(0.1, 1.0)), 2, DT)
     history.reset(1)
     np.testing.assert_array_equal(history.update(frame(4.0))[0], [4.0, 8.0] * 3)
@@ -54,7 +54,7 @@ def test_a_robot_that_begins_again_remembers_its_first_frame_alone_and_the_other
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4])
 def test_one_history_goes_on_with_the_robots_of_another_however_many_frames_that_has_seen(frames: int) -> None:
-    """The second of two goes on as the one of the other; the first keeps its own."""
+    """The second of two robots continues the history of the other object's robot; the first keeps its own history."""
     own, other, twin = (History(Inputs(lags=(0.02,), averages=(0.1,)), 2, DT) for _ in range(3))
     for history, robots in ((own, 2), (other, 1), (twin, 1)):
         history.reset(robots)

@@ -1,4 +1,4 @@
-"""Fields with a row for every robot: made, put back for some robots, along any axis, in parts too."""
+"""Per-robot state: allocation, reset of some robots, any robot axis, nested states."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ def test_a_field_has_the_type_and_shape_of_its_start_for_every_robot_and_for_one
     whole = Whole()
     assert (whole.ticks.shape, whole.part.ticks.tolist()) == ((1,), [0])
     whole.reset(4)
-    assert (whole.ticks.dtype, whole.ticks.tolist()) == (np.int8, [3] * 4)  # the subclass's, not that of `Part`
+    assert (whole.ticks.dtype, whole.ticks.tolist()) == (np.int8, [3] * 4)  # dtype of the subclass, not of `Part`
     np.testing.assert_array_equal(whole.past, np.full((2, 4, 3), 0.5))
     assert whole.part.ticks.shape == whole.parts["other"].ticks.shape == (4,)
 
@@ -47,7 +47,7 @@ def test_some_robots_begin_again_and_arrays_that_were_handed_out_stay_what_they_
 
 
 def test_some_robots_go_on_as_those_of_another_in_every_part() -> None:
-    """As many robots as the mask has; the others keep their own, and arrays that were handed out do not change."""
+    """The robots of the mask are copied; the others keep their state, and previously returned arrays do not change."""
     own, other, mask = Whole(), Whole(), np.array([True, False, True])
     own.reset(3)
     other.reset(2)
@@ -64,13 +64,13 @@ def test_some_robots_go_on_as_those_of_another_in_every_part() -> None:
 
 
 def test_a_filter_takes_in_its_share_and_at_first_the_mean() -> None:
-    """0.01 / (0.01 + 0.04) of a change; of the k-th of few looks 1 / k."""
+    """The gain is 0.01 / (0.01 + 0.04), or 1 / k in the k-th of the first updates."""
     np.testing.assert_allclose(lowpass_gain(0.01, 0.04), 0.2)
     np.testing.assert_allclose(warm_start_gain(0.2, np.array([0, 1, 2, 4, 5, 9])), [1.0, 1.0, 0.5, 0.25, 0.2, 0.2])
 
 
 class Leaning(Policy):
-    """A policy as users write them: an initial value by a function of the object, and `_restart` under its old name."""
+    """User policy with an initial value by a function of the object, and `_restart` under its old name."""
 
     name = "leaning"
     targets: Any = per_robot(lambda policy: policy.robot.home_pose + policy.lean)
@@ -106,7 +106,7 @@ def test_a_policy_of_a_user_acts_without_a_reset_and_its_restart_is_still_called
 
 
 def test_an_initial_value_is_declared_and_given() -> None:
-    """A name that no class declares, and an array without an initial value, are refused."""
+    """A name without a declaration in a class, and an array without an initial value, are refused."""
     with pytest.raises(TypeError, match="Part: no array turns declared with per_robot"):
         initialize_state(Part(), turns=0)
     whole = Whole.__new__(Whole)

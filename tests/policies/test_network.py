@@ -21,7 +21,7 @@ def f32(values):
 
 def test_forward_pass_by_hand():
     hidden = math.exp(-0.5) - 1.0
-    # Hidden unit: 1·2 + 3·(-1) + 0.5 = -0.5; output: 4·hidden + 1, with no activation after the last layer.
+    # Hidden unit: 1·2 + 3·(-1) + 0.5 = -0.5; output: 4·hidden + 1, without an activation after the last layer.
     network = Network((f32([[2.0], [-1.0]]), f32([[4.0]])), (f32([0.5]), f32([1.0])))
     np.testing.assert_allclose(network(f32([[1.0, 3.0]])), [[4.0 * hidden + 1.0]], atol=4e-6)
 
@@ -65,7 +65,7 @@ def test_the_largest_weights_of_a_bundle_give_finite_numbers():
 
 
 def test_sums_are_exact():
-    # 2000 large products and their opposites cancel, to the bit, and leave 2^-20 · 1.
+    # 2000 large products and their opposites cancel to the bit, and 2^-20 · 1 remains.
     rng = np.random.default_rng(7)
     weights, inputs = rng.normal(size=2000), rng.uniform(-64.0, 64.0, (200, 2000))
     network = Network((f32([*weights, *-weights, 1.0])[:, None],), (f32([0.0]),))

@@ -1,4 +1,4 @@
-"""Parameters of every searched policy: their limits, and their files."""
+"""Parameters of every searched policy: limits and files."""
 
 import dataclasses
 from types import ModuleType
@@ -22,7 +22,7 @@ MODULES = {
     reference: (reference.ReferenceParameters, "trot_reference", "restore the file as it shipped"),
     virtual_model: (virtual_model.VirtualParameters, "trot_feedback", "restore the file as it shipped"),
 }
-"""Kind of the parameters, a policy that has them, and the remedy for a file that is damaged."""
+"""Kind of the parameters -> a policy that has them, and the remedy for a damaged file."""
 EACH = pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
 DAMAGED = ["{", "[]", '{"gallop": 1}', '{"frequency": "fast"}', '{"frequency": 7}']
 

@@ -16,7 +16,7 @@ from quad_env.sensing.height_scan import HeightScan
 
 
 def small_residual():
-    """With corrections that are held, a memory and a clock of its own."""
+    """Return a residual policy with held corrections, history inputs and a clock."""
     base, inputs, rng = (
         policies.make("trot"),
         Inputs(lags=(0.02,), averages=(0.1,), clock=2.5),
@@ -36,7 +36,7 @@ every_policy = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys(
 
 
 def readings(steps, n):
-    """Observations (steps, n, k) with a command that jumps every 40 steps."""
+    """Return observations (steps, n, k) with a command that jumps every 40 steps."""
     rng = np.random.default_rng(2)
     observations = rng.normal(size=(steps, n, OBSERVATION_SIZE)).astype(np.float32)
     commands = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (steps // 40 + 1, n, 3))
@@ -89,7 +89,7 @@ def test_reset_where_starts_the_masked_robots_anew_and_leaves_the_others(make):
 
 
 def walk(steps, n, scan):
-    """Observations (steps, n, k) of robots that trot, with a height scan or None."""
+    """Return observations (steps, n, k) of trotting robots, with a height scan or None."""
     env, trot = gym.make_vec("SimpleQuad-v0", num_envs=n, nthread=1, height_scan=scan), policies.make("trot")
     observation, _ = env.reset(seed=0)
     trot.reset(n)
@@ -106,7 +106,7 @@ def test_robots_that_a_base_takes_over_go_on_as_they_would_have_and_leave_the_ot
     actions(policy, observations[:20]), actions(restarted, observations[:20])
     restarted.reset_where(mask)
     expected = [restarted.act(observations[20])]
-    policy.act(np.where(mask[:, None], observations[0], observations[20]))  # their last look before the end
+    policy.act(np.where(mask[:, None], observations[0], observations[20]))  # the last observation of the episode
     first = actions(fresh, observations[20:21, mask])
     policy.copy_state_from(mask, fresh)
     assert first[0].tobytes() == expected[0][mask].tobytes()
@@ -203,7 +203,7 @@ def test_a_base_that_is_shown_a_scan_acts_as_without_also_where_a_robot_starts_a
 
 
 def test_names_of_older_versions_still_work():
-    """`_restart` of a user's policy is called at a reset of some robots, and `check_fits` and `Foreign` exist."""
+    """A reset of some robots calls `_restart` of a user's policy, and `check_fits` and `Foreign` still exist."""
     restarted = []
 
     class Mine(policies.Stand):

@@ -14,7 +14,7 @@ SCALE = observation_table(SIMPLE_QUAD).scale
 
 
 def constant_network(inputs, output):
-    """A network that answers the same, whatever it sees."""
+    """Return a network with a constant output."""
     return Network((np.zeros((inputs, 12), np.float32),), (np.broadcast_to(np.float32(output), 12).copy(),))
 
 
@@ -35,7 +35,7 @@ def test_zero_correction_is_the_trot_bit_for_bit(zero):
 
 
 class _AtPhases(policies.Trot):
-    """A trot whose clocks stand at the start of a stride and at a quarter of it."""
+    """Trot with clocks at the start of a stride and at a quarter of it."""
 
     phase = np.array([0.0, np.pi / 2])
 
@@ -67,7 +67,7 @@ def test_a_clock_of_its_own_turns_by_its_frequency():
     features = Features(policies.make("stand"), Inputs(clock=2.5))
     features.reset(2)
     observation, action = np.zeros((2, OBSERVATION_SIZE), np.float32), np.zeros((2, 12), np.float32)
-    for _ in range(10):  # 0.1 s, a quarter of a turn
+    for _ in range(10):  # 0.1 s: a quarter of a cycle
         seen = features.update(observation, action)
     np.testing.assert_allclose(seen[:, OBSERVATION_SIZE:], [[1.0, 0.0]] * 2, atol=1e-6)
 
@@ -96,7 +96,7 @@ def test_a_lost_height_scan_looks_like_level_ground_and_a_step_as_high_as_it_is(
 
 
 def test_a_correction_is_held_for_its_control_steps_from_each_robot_s_own_start_on():
-    """Three steps; the second of two begins again after the fifth."""
+    """A correction is held for three steps; the second of two robots is reset after the fifth step."""
     rng = np.random.default_rng(4)
     weights = rng.normal(0.0, 0.2, (OBSERVATION_SIZE, 12)).astype(np.float32)
     network = Network((weights,), (np.zeros(12, np.float32),))

@@ -1,4 +1,4 @@
-"""Whatever takes a robot takes its name too."""
+"""Every function that takes a robot also takes its name."""
 
 from collections.abc import Callable
 from functools import partial

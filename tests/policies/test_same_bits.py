@@ -1,6 +1,6 @@
-"""Actions of networks have the same bits with any BLAS kernel and any instructions of the processor.
+"""Actions of networks have the same bits with any BLAS kernel and any instruction set of the processor.
 
-Every case is a process of its own, since libraries choose their functions when they are loaded.
+Each case runs in its own process, since libraries choose their functions when they are loaded.
 """
 
 import json
@@ -45,7 +45,7 @@ CASES += [{"NPY_DISABLE_CPU_FEATURES": " ".join(FEATURES)}, {"OPENBLAS_NUM_THREA
 
 @cache
 def found(case: tuple[tuple[str, str], ...] = ()) -> dict[str, str]:
-    """Digests of the program's actions with these variables of the environment."""
+    """Return the digests of the program's actions with the given environment variables."""
     environment = dict(case)
     chosen = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"} | environment
     folder = Path(__file__).parents[2]

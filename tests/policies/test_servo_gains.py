@@ -1,4 +1,4 @@
-"""Servo gains belong to the policy that commands them, and its episodes run with them."""
+"""Servo gains belong to the policy that commands them, and its episodes use these gains."""
 
 import json
 from dataclasses import asdict, replace
@@ -24,21 +24,21 @@ GAINS = "35 N·m/rad and 0.5 N·m·s/rad"
 
 
 class Soft(Stand):
-    """The home pose on servos as soft as the robot's own."""
+    """The home pose on servos of the robot's default stiffness."""
 
     stiff_servos = False
 
 
 @pytest.fixture(scope="module")
 def soft(tmp_path_factory: pytest.TempPathFactory) -> quad_env.Robot:
-    """SimpleQuad's model with servos of its own that are softer than those which our controllers command."""
+    """Return SimpleQuad's model with built-in servos that are softer than the gains of the project's controllers."""
     robot = quad_env.Robot.from_mjcf(SIMPLE_QUAD.mjcf, home_pose=SIMPLE_QUAD.home_pose)
     return robot._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
 
 
 def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are_given(soft: quad_env.Robot) -> None:
     assert Soft(robot=soft).robot.servo == soft.servo == GAINS
-    for name in ("mpc_wbc", "trot_feedback"):  # their targets carry their torques
+    for name in ("mpc_wbc", "trot_feedback"):  # the targets contain the torques
         assert policies.make(name, robot=soft).robot.servo == GAINS, name
     for name in ("stand", "trot", "trot_integral", "behaviour", "safe:trot"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
@@ -76,13 +76,13 @@ def test_an_environment_with_other_gains_is_refused_in_a_line(soft: quad_env.Rob
         Stand(robot=soft).check_compatible(soft, 0.01)
     rising = np.linspace(100.0, 320.0, 12)
     policy = Soft(robot=soft.with_servo(rising, 5.0))
-    with pytest.raises(ValueError, match="but the environment's have"):  # the same least and largest gains
+    with pytest.raises(ValueError, match="but the environment's have"):  # the smallest and largest gains are equal
         policy.check_compatible(soft.with_servo(rising[::-1], 5.0), 0.01)
 
 
 def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, tmp_path: Path) -> None:
     residual = policies.load(Path("models/residual"))
-    assert residual.robot.servo == SIMPLE_QUAD.servo  # of before there were others
+    assert residual.robot.servo == SIMPLE_QUAD.servo  # a bundle of a version without servo gains
     trot, inputs = policies.Trot(robot=SIMPLE_QUAD.with_servo(250.0, np.arange(1.0, 13.0))), residual.features.inputs
     mine = policies.ResidualPolicy(trot, residual.network, residual.authority, "mine", inputs)
     policies.bundle.save(tmp_path, mine, {}, "revision")

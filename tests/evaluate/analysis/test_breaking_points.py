@@ -1,4 +1,4 @@
-"""Breaking points of cells: which cells are levels of an axis, in which order."""
+"""Breaking points of cells: levels of an axis and their order."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,10 @@ SEVERITIES = np.array(PUSH.levels)
 
 @pytest.fixture
 def cells(made_up_cell):
-    """Trot breaks at 45 N·s, `strong` at 70, `iron` never and `paper` already; the nominal push is there as well."""
+    """Return cells: trot breaks at 45 N·s, `strong` at 70, `iron` never and `paper` always.
+
+    The nominal push is included.
+    """
     chance = np.random.default_rng(0).logistic(0.0, 0.2, 100)
     medians = {"trot": 45.0, "strong": 70.0, "iron": 900.0, "paper": 5.0}
     return [
@@ -49,7 +52,7 @@ def test_breaking_points_of_cells_are_those_of_their_levels(cells) -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypatch, known) -> None:
-    """As the axis lists them; an axis of the user's own as the run lists them."""
+    """The levels are in the order of the axis, or in the order of the run for a user's axis."""
     frictions = (1.0, 0.7, 0.5, 0.35)
     grip = replace(PUSH, name="grip", unit="", levels=frictions)
     if known:
@@ -77,7 +80,7 @@ def test_levels_with_different_episodes_are_never_joined(cells, made_up_cell) ->
 
 
 def test_success_breaks_where_half_no_longer_succeed(cells, made_up_cell) -> None:
-    """Robots that stay upright but leave their command from 40 N·s on: success breaks, and falls never do."""
+    """Robots stay upright but leave their command from 40 N·s on: success breaks, and falls never break."""
     strayed = []
     for scenario in LEVELS:
         cell = made_up_cell("trot", np.zeros(100, bool), scenario=scenario)
@@ -91,7 +94,7 @@ def test_success_breaks_where_half_no_longer_succeed(cells, made_up_cell) -> Non
 
 
 def point(**changes: Any) -> AxisBreakingPoint:
-    """Trot's on pushes of 20 to 100 N·s."""
+    """Return the breaking point of the trot on pushes of 20 to 100 N·s."""
     known = {"axis": "push", "policy": "trot", "unit": "N·s", "severity50": 48.123, "ci": (45.3, 51.0)}
     return AxisBreakingPoint(
         **(known | {"found": "crossed", "lowest": 20.0, "highest": 100.0, "hardest": 100.0} | changes)

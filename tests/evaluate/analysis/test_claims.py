@@ -1,4 +1,4 @@
-"""One correction for all that a report claims, and the episodes that a claim would take, by hand."""
+"""One correction for all claims of a report, and the number of episodes that a claim needs, by hand."""
 
 from unittest.mock import Mock
 
@@ -14,7 +14,7 @@ def neighbours(better: str, worse: str, p_value: float) -> AdjacentPair:
 
 
 def ranked(*found: AdjacentPair, scenarios: tuple[str, ...] = ("flat", "push"), episodes: int = 10) -> Ranking:
-    """A ranking in which only the number of the places counts."""
+    """Return a ranking with meaningless values except the number of policies."""
     places = tuple(Mock() for _ in range(len(found) + 1))
     return Ranking(False, len(scenarios), scenarios, episodes, places, found)
 
@@ -22,12 +22,12 @@ def ranked(*found: AdjacentPair, scenarios: tuple[str, ...] = ("flat", "push"), 
 def compared(
     scenario: str, a: str, b: str, difference: float, p_value: float, metric: str = SUCCESS_RATE
 ) -> Comparison:
-    """Corrected by something else before."""
+    """Return a comparison with a p-value that was corrected before."""
     return Comparison(scenario, a, b, metric, difference, (0.0, 0.0), p_value, "", 0.77)
 
 
 def test_neighbours_share_nine_tenths_of_the_level_and_single_scenarios_the_rest() -> None:
-    """Weights 0.45 and 0.05 each of two: 1 · 1e-5 / 0.05, and as much again, 0.9 · 0.02 / 0.45, 0.45 · 0.2 / 0.45."""
+    """The weights are 0.45 and 0.05 each for two pairs: 1 · 1e-5 / 0.05 twice, 0.9 · 0.02 / 0.45, 0.45 · 0.2 / 0.45."""
     shown = compared("flat", "a", "b", 0.5, 1e-5), compared("push", "a", "b", -0.5, 1e-5)
     other = compared("flat", "a", "b", 0.5, 1e-5, "energy")
     of, found = correct_p_values(ranked(neighbours("a", "b", 0.02), neighbours("b", "c", 0.2)), [*shown, other])
@@ -45,7 +45,9 @@ def test_only_scenarios_of_the_ranking_show_that_one_of_two_is_better() -> None:
 
 
 def test_the_first_look_of_a_run_until_settled_costs_what_it_spends() -> None:
-    """A quarter of the episodes spends the share 1 / 4^1.5 of the level: p-values of neighbours count eight times."""
+    """A quarter of the episodes spends the share 1 / 4^1.5 of the level: p-values of adjacent
+    pairs are multiplied by eight.
+    """
     alone = ranked(neighbours("a", "b", 0.004), episodes=10)
     at_once, looked = (
         correct_p_values(alone, ())[0].neighbours[0],

@@ -11,7 +11,7 @@ NEVER = np.zeros(64, bool)
 
 
 def test_a_claim_takes_the_corrected_p_value(made_up_cell) -> None:
-    """Six falls of the trot alone have p = 2/2⁶ by themselves, and 4 · 2/2⁶ among four comparisons of falls."""
+    """Six falls of the trot alone have p = 2/2⁶, and 4 · 2/2⁶ after correction for four comparisons of falls."""
     falling = np.arange(64) < 6
     policies, scenarios = ("trot", "a", "b"), (SCENARIOS["flat"], SCENARIOS["push"])
     cells = [
@@ -55,7 +55,7 @@ def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
 
 
 def test_two_runs_of_the_same_episodes_are_compared_as_two_policies_of_one_run_are(made_up_cell) -> None:
-    """The same difference, interval and p-value, to the bit: a purpose has one interval."""
+    """The difference, its interval and its p-value are equal to the bit."""
     generator = np.random.default_rng(0)
     cells = [made_up_cell(name, generator.random(64) < 0.1, generator.gamma(2.0, 0.1, 64)) for name in ("trot", "new")]
     a, b = ({metric: metric_by_episode(cell, metric) for metric in METRICS} for cell in cells)

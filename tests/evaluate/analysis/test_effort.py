@@ -1,4 +1,4 @@
-"""Figures of effort of a cell: the cost of transport is a quotient of sums."""
+"""Effort of a cell: the cost of transport is a ratio of sums."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_the_cost_of_transport_is_that_of_all_episodes_together() -> None:
-    """400 J over 10 N times 5 m is 8; the mean of 100/(10 · 1) and 300/(10 · 4) would be 8.75."""
+    """400 J over 10 N · 5 m is 8; the mean of 100/(10 · 1) and 300/(10 · 4) would be 8.75."""
     values = cost_by_episode(np.array([100.0, 300.0]), np.array([1.0, 4.0]), 10.0)
     assert values.tolist() == [pytest.approx(8.0 + (100 - 80) / 25), pytest.approx(8.0 + (300 - 320) / 25)]
     assert values.mean() == pytest.approx(8.0)
@@ -44,7 +44,7 @@ def test_a_summary_has_every_figure_and_the_duty_factor_of_all_feet(made_up_cell
     found = summarise(cell, SIMPLE_QUAD)
     assert tuple(found.effort) == tuple(found.effort_intervals) == EFFORT
     assert found.effort["duty_factor"] == pytest.approx(0.6)
-    assert found.effort["flight"] == pytest.approx(0.2)  # of the episodes that have it
+    assert found.effort["flight"] == pytest.approx(0.2)  # the mean of the episodes that have a value
     assert found.effort["cost_of_transport"] == pytest.approx(found.cost_of_transport)
     assert found.effort_intervals["flight"][0] < 0.2 < found.effort_intervals["flight"][1]
     assert effort_by_episode(lambda name: known.get(name, np.ones(4)), 10.0)["step_rate"].tolist()[:2] == [0.1, 0.3]

@@ -1,4 +1,4 @@
-"""The failures that a report names: the worst at the mildest level, and the most typical by cause and time."""
+"""Failures selected for a report: the worst at the mildest level, and the most typical by cause and time."""
 
 from dataclasses import replace
 
@@ -15,7 +15,10 @@ TRIP, SLIP = "trip", "slip"
 
 @pytest.fixture
 def cell_of(made_up_cell):
-    """Makes a cell of failures by their numbers: time of a fall, None for an upright failure at 6 s, and cause."""
+    """Return a function that makes a cell of failures, from causes and times of falls.
+
+    None is an upright failure at 6 s.
+    """
 
     def make(
         policy: str, scenario: str, episodes: int, failed: dict[int, tuple[float | None, str | None]]

@@ -28,7 +28,10 @@ def test_a_policy_is_dominated_by_what_is_better_in_one_and_no_worse_in_the_othe
 
 
 def test_ties() -> None:
-    """As good for more, or less for as much, is dominated; two that are the same are both on the front."""
+    """A policy with equal success at higher cost, or less success at equal cost, is dominated.
+
+    Equal policies are not.
+    """
     on_it, by = front(a=(0.9, 2.0), dearer=(0.9, 2.1), less=(0.8, 2.0), same=(0.9, 2.0))
     assert on_it == ("a", "same")
     assert (by["dearer"], by["less"], by["same"]) == (("a", "same"), ("a", "same"), ())
@@ -42,7 +45,7 @@ def test_what_goes_nowhere_is_neither_on_the_front_nor_dominated() -> None:
 
 @pytest.fixture
 def cells(made_up_cell):
-    """Cells of a policy: scenario -> falls of 8 episodes, energy of each and its distance, m."""
+    """Return cells of a policy: scenario -> falls of 8 episodes, energy, J, and distance, m, of each episode."""
 
     def make(policy, **scenarios):
         for name, (falls, energy, distance) in scenarios.items():
@@ -67,7 +70,7 @@ def test_scores_stand_against_the_cost_at_a_steady_speed(cells) -> None:
     assert cheap.cost_ci[0] < cheap.cost < cheap.cost_ci[1]
     on_flat = compute_pareto(made[1:3] + made[4:], compute_scores(made, "trot"), SIMPLE_QUAD)
     assert (on_flat.cost_on, on_flat.front, on_flat.points[1].dominated_by) == ("flat", ("trot",), ("trot",))
-    elsewhere = [*made, *cells("document", flat=(8, 100, 1), push=(8, 100, 1))]  # not on the steady walk
+    elsewhere = [*made, *cells("document", flat=(8, 100, 1), push=(8, 100, 1))]  # no episodes on the steady walk
     point = compute_pareto(elsewhere, compute_scores(elsewhere, "trot"), SIMPLE_QUAD).points[-1]
     assert (point.policy, np.isnan(point.cost)) == ("document", True)
     both = analyse(made, seed=0, episodes=8, complete=True)
@@ -77,7 +80,7 @@ def test_scores_stand_against_the_cost_at_a_steady_speed(cells) -> None:
 def test_the_cost_of_all_scenarios_counts_every_load(cells) -> None:
     made = [
         *cells("trot", push=(4, 100, 2), payload=(2, 300, 4)),
-        *cells("stand", push=(0, 100, 2)),  # that missed one
+        *cells("stand", push=(0, 100, 2)),  # without an episode on the steady walk
     ]
     (found,) = compute_pareto(made, compute_scores(made, "trot"), SIMPLE_QUAD).points
     assert (found.policy, found.success) == ("trot", pytest.approx((4 + 6) / 16))

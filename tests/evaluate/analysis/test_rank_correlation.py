@@ -23,7 +23,7 @@ def test_the_correlation_is_kendalls_also_where_policies_are_tied() -> None:
 
 
 def test_episodes_of_the_same_seeds_stay_paired() -> None:
-    """A run and itself: the order is the same in every resample, however close the policies are."""
+    """A run compared with itself has the same order in every resample, with any distance between the policies."""
     generator = np.random.default_rng(0)
     scores = generator.random((3, 40))
     found = rank_correlation(POLICIES, scores, scores)

@@ -1,4 +1,4 @@
-"""The ranking of one run: neighbours paired by episode, one correction, and how many episodes would be needed."""
+"""Ranking of one run: adjacent pairs compared by episode, one correction, and the number of episodes needed."""
 
 import re
 
@@ -19,7 +19,7 @@ AXES = "flat", "push", "rough", "stairs"
 
 @pytest.fixture
 def run(made_up_cell):
-    """Results of policies: of each on each scenario which episodes succeed, (n,)."""
+    """Return a function that makes a run: policy -> scenario -> successful episodes, (n,)."""
 
     def make(baseline="trot", errors=None, **policies) -> Results:
         error = {policy: np.full(COUNT, each) for policy, each in (errors or {}).items()}
@@ -44,12 +44,14 @@ def alike(generator: np.random.Generator, worse: int, count: int = COUNT) -> tup
 
 
 def values(of: dict) -> np.ndarray:
-    """Mean success of each episode."""
+    """Return the mean success of each episode."""
     return np.mean([of[name] for name in AXES], axis=0)
 
 
 def test_neighbours_are_paired_by_episode_each_with_all_of_its_scenarios(run) -> None:
-    """Unpaired, ten failures more of 160 episodes show nothing: the episodes themselves differ by far more."""
+    """Ten additional failures in 160 episodes are significant only in pairs, since episodes
+    differ far more than policies.
+    """
     first, second = alike(np.random.default_rng(0), 10)
     (found,) = run(trot=second, better=first).ranking.neighbours
     difference = values(first) - values(second)
@@ -77,12 +79,12 @@ def test_of_a_single_scenario_the_ranking_is_by_success_with_its_test(run) -> No
     assert found.ci == paired_proportion_interval(12, 4, COUNT)
     assert found.p_value == found.p_value_holm == mcnemar(good, fair)
     (success,) = (each for each in results.comparisons if each.metric == "success_rate")
-    assert success.p_value_holm == found.p_value_holm  # one claim, not two
+    assert success.p_value_holm == found.p_value_holm  # one claim
     assert (found.better_on, next(adjacent_pair_lines(results.ranking)).count(";")) == ((), 1)
 
 
 def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> None:
-    """Neighbours have nine tenths of the weight; success of pairs that are neither them nor with the baseline, none."""
+    """Adjacent pairs have nine tenths of the weight; other pairs without the baseline have none for success."""
     policies = {
         name: dict.fromkeys(AXES, np.arange(COUNT) < k) for name, k in (("a", 40), ("b", 31), ("trot", 30), ("c", 12))
     }
@@ -121,13 +123,13 @@ def test_single_scenarios_and_all_together_do_not_contradict_each_other_in_words
 
 
 def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the_difference(run) -> None:
-    """A power of 80 % at the corrected level: simulated with normal differences, the test finds it in about 80 %."""
+    """The power is 80 % at the corrected level: the test detects simulated normal differences in about 80 %."""
     generator = np.random.default_rng(3)
     first = {name: generator.random(COUNT) < 0.62 for name in AXES}
     second = {name: generator.random(COUNT) < 0.55 for name in AXES}
     results = run(trot=second, other=first)
     (found,) = results.ranking.neighbours
-    level = 0.05 * 0.9  # nothing is claimed, so that all weights are left
+    level = 0.05 * 0.9  # no claim is significant, so that all weights remain
     assert not any(each.p_value_holm < 0.05 for each in (*results.comparisons, found))
     quantile = norm.ppf(1 - level / 2)
     expected = ((quantile + norm.ppf(0.8)) * found.deviation / found.difference) ** 2 + quantile**2 / 2

@@ -80,7 +80,7 @@ def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
     assert {each.b for each in results.comparisons} == {"other"}
     assert [each.policy for each in results.scores if each.difference == 0.0] == ["other"]
     (falls,) = (each for each in results.comparisons if (each.scenario, each.metric) == ("rough", "fall_rate"))
-    assert (falls.a, falls.difference) == ("trot", -0.5)  # 2 against 22 of 40
+    assert (falls.a, falls.difference) == ("trot", -0.5)  # falls of 2 and 22 of 40 episodes
 
 
 def test_summaries_are_those_of_the_robot_that_ran(made_up_cell, tmp_path) -> None:

@@ -16,7 +16,7 @@ COUNT = 40
 
 @pytest.fixture
 def cells(made_up_cell):
-    """Flat at one severity and push at three: how many of the first episodes of each fall."""
+    """Return a function that makes cells on flat and on push at three severities, with numbers of initial falls."""
 
     def make(policy, **falls):
         return [
@@ -42,11 +42,11 @@ def test_differences_are_paired_by_episode_and_the_best_comes_first(cells) -> No
     assert (best.policy, base.policy) == ("stand", "trot")
     assert best.difference == pytest.approx((4 + 4) / 2 / COUNT)
     assert 0.0 < best.difference_ci[0] < best.difference < best.difference_ci[1]
-    assert best.p_value < 0.01  # eight pairs, all of one sign
+    assert best.p_value < 0.01  # eight pairs, all with the same sign
 
 
 def test_an_interval_counts_episodes_each_with_all_of_its_scenarios(cells) -> None:
-    """The same ten episodes fall everywhere: thirty scenarios of them are no more evidence than one."""
+    """The same ten episodes fall in every scenario: their thirty scenarios are no more evidence than one scenario."""
     everywhere = dict.fromkeys(("flat", "push", "push_3", "rough"), 10)
     base, (found,) = np.arange(COUNT) < 20, compute_scores(cells("trot", **everywhere), "trot")
     succeeded = np.where(np.arange(COUNT) < 10, 0.0, 1.0)
@@ -59,14 +59,14 @@ def test_an_interval_counts_episodes_each_with_all_of_its_scenarios(cells) -> No
 
 
 def test_without_the_baselines_score_there_is_no_difference(cells) -> None:
-    """The trot missed push: 0 instead would be a figure that nobody measured."""
+    """The trot has no episodes on push; a score of 0 would be wrong."""
     (found,) = compute_scores(cells("trot", flat=0) + cells("stand", flat=4, push=20), "trot")
     assert found.policy == "stand"
     assert np.isnan([found.difference, *found.difference_ci, found.p_value]).all()
 
 
 def ends(contents, place="") -> dict:
-    """Every interval of results.json by its place."""
+    """Yield every interval of results.json with its path."""
     entries = contents.items() if isinstance(contents, dict) else enumerate(contents)
     found = {}
     for name, value in entries:
@@ -79,7 +79,7 @@ def ends(contents, place="") -> dict:
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) -> None:
-    """Four policies: one always succeeds, others always fall, all errors agree."""
+    """Four policies: one always succeeds, the others always fall, and all errors are equal."""
     policies = {"trot": False, "runs/a/seed-0": True, "runs/a/seed-1": True, "runs/a/seed-2": True}
     all_cells = [
         made_up_cell(policy, np.full(count, fell), np.full(count, 2.0 if fell else 0.5), resolve((name,))[0])
@@ -107,7 +107,10 @@ def test_a_policy_that_missed_a_scenario_has_no_score(cells) -> None:
 
 
 def test_the_score_of_one_axis_is_the_success_on_it(cells) -> None:
-    """Wilson's interval of 36 of 40, as the scenario's own share has it; the steady walk counts if it is alone."""
+    """Wilson's interval of 36 of 40 equals the interval of the scenario's share.
+
+    The steady walk counts if it is alone.
+    """
     (several,) = compute_scores(cells("trot", push=0, push_3=20), "trot")
     assert (several.score, several.axes) == (pytest.approx(0.75), {"push": (1.0, 0.5)})
     for name in ("push", "steady"):
@@ -116,7 +119,7 @@ def test_the_score_of_one_axis_is_the_success_on_it(cells) -> None:
 
 
 def test_with_the_hardware_profile_and_without_it_there_are_two_scores(cells) -> None:
-    """Neither has an episode of the other, and each the names of the axes; the steady walk is in none."""
+    """Each score uses only its own episodes, and both have the names of the axes; the steady walk is in neither."""
     ideal, real = (40, 0, 40), (0, 20, 40)
     names = "flat", "push", "push_4"
     both = cells("trot", steady=40, **dict(zip(names, ideal, strict=True)))

@@ -1,4 +1,4 @@
-"""The axes of a run, grouped and in order of their hardness."""
+"""Axes of a run, grouped, with levels in order of severity."""
 
 from evaluate.analysis.severity_levels import format_severity, severity_axes
 

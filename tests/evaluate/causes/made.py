@@ -14,12 +14,12 @@ from tests.evaluate.measures.uneventful import uneventful
 
 STEPS, END = 300, 200
 TIME_CONSTANT = 0.23604
-"""√(0.54655 / 9.81), s."""
+"""s. √(0.54655 / 9.81)."""
 RISER = Stairs(rise=0.15, run=0.3, landing=0.75)
 
 
 FOLLOWS = "onset", "window", "shank", "capture_point_offset"
-"""Fields of a record that follow from its signals, where a test gives them."""
+"""Derived fields of a record that a test may set directly."""
 
 
 def recorded(
@@ -28,7 +28,7 @@ def recorded(
     """Return the record of the second of two robots; by default it has fallen at step 200.
 
     Without further arguments the onset is at step 150, with the default window before and after it. `known` has
-    signals, or values that follow from signals.
+    signals, or values derived from signals.
     """
     signals = {name: known.pop(name) for name in [*known] if name not in FOLLOWS}
     scenario = scenario or Scenario("made")

@@ -1,4 +1,4 @@
-"""Episodes made to fail for a known cause are given that cause, at the moment and with the figures that were made."""
+"""Episodes with a planted cause of failure get this cause, its step and its numbers."""
 
 from dataclasses import replace
 from functools import cache
@@ -19,7 +19,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.studies.failures import CASES, LONG_LATENCY
 
 OF_EACH = 3
-"""Episodes of each case that are simulated here; `python -m research causes` simulates all."""
+"""Number of episodes simulated for each case in the test; `python -m research causes` simulates all episodes."""
 TRIP, OTHER_TRIP = [number for number, case in enumerate(CASES) if case.cause == rules.TRIP]
 PUSH, FORCE = [number for number, case in enumerate(CASES) if case.cause == rules.PUSH]
 NOISE, TURNED_IMU = [number for number, case in enumerate(CASES) if case.cause == rules.ESTIMATE]
@@ -47,7 +47,7 @@ def verdicts(number: int, after_falls: bool = False) -> list[Verdict]:
 
 
 def check_cause(cause: str) -> None:
-    """At most one of the six has another cause, and none of those is certain."""
+    """At most one of the six episodes has another cause, and it is not certain."""
     given = [each for number, case in enumerate(CASES) if case.cause == cause for each in verdicts(number)]
     assert len(given) == 2 * OF_EACH
     others = [each for each in given if each.event.cause != cause]
@@ -81,7 +81,7 @@ def test_a_rule_that_never_answers_is_missed(missing: str, cause: str, monkeypat
 
 
 def events(*given: Event) -> Verdict:
-    """The verdict on a pushed robot, were these the only events."""
+    """Return the verdict on a pushed robot with the given events only."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rules, "RULES", (lambda _: iter(given),))
         return verdicts(PUSH)[0]
@@ -98,7 +98,7 @@ def test_a_cause_is_certain_only_if_no_other_had_begun() -> None:
 
 
 def check_legs_and_rises_are_those_that_were_hit() -> None:
-    """By the record itself: that leg's foot touches within a foot's reach of a riser ahead, 0.15 m, and loses speed."""
+    """In the record, the foot of the leg touches within 0.15 m of a riser ahead and loses speed."""
     hits = [(each, of.event) for each, of in zip(records_of(OTHER_TRIP), verdicts(OTHER_TRIP), strict=True)]
     feet = [(each, event) for each, event in hits if " foot hits the edge of a step (0.15 m) at " in event.description]
     assert feet
@@ -139,17 +139,17 @@ def test_the_rules_see(check) -> None:
 
 
 def late(self: EpisodeSignals, points: np.ndarray, true=EpisodeSignals.ground) -> np.ndarray:
-    """The ground one step late."""
+    """Return the ground height one step late."""
     return true(self, np.concatenate((points[:1], points[:-1])))
 
 
 def longer(self: EpisodeSignals) -> int:
-    """Beyond the fall."""
+    """Return signals that continue after the fall."""
     return int(min(self.episodes.fall_step[self.number] + 15, self.episodes.steps - 1))
 
 
 def exchanged(pairs: list[int], true=EpisodeSignals.signal):
-    """Signals of the feet in another order."""
+    """Return a function that gives the signals of the feet in another order."""
 
     def of(self: EpisodeSignals, name: str) -> np.ndarray:
         return true(self, name)[:, pairs] if name in ("foot_contact", "foot_position") else true(self, name)
@@ -179,7 +179,7 @@ def test_a_push_is_the_cause_from_the_step_on_in_which_it_acts() -> None:
 
 
 def test_the_error_of_an_estimate_is_that_which_was_made() -> None:
-    """An IMU that is turned by 0.7 rad shows a tilt that is wrong by as much."""
+    """An IMU mounted with an angle of 0.7 rad gives a tilt error of 0.7 rad."""
     for each in verdicts(TURNED_IMU):
         assert float(each.event.description.split("tilt that is ")[1].split()[0]) == pytest.approx(0.7, abs=0.05)
 

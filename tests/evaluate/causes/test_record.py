@@ -16,8 +16,7 @@ from tests.quad_env.robots.alike import alike
 
 
 def plain(**known: Any) -> EpisodeSignals:
-    """Return a record of an upright robot at its height, except for the given signals; onset and window follow from
-    them."""
+    """Return a record of an upright robot, except for the given signals; onset and window are derived from them."""
     height, quaternion = signal("height"), signal("quaternion")
     height[:], quaternion[..., 0] = SIMPLE_QUAD.home_height, 1.0
     record = recorded(**{"height": height, "quaternion": quaternion} | known)
@@ -35,7 +34,10 @@ def test_signals_are_of_the_robot_itself_and_end_with_its_fall() -> None:
 
 
 def test_the_capture_point_is_where_the_robot_would_come_to_rest_seen_from_the_middle_of_its_feet() -> None:
-    """A robot at (1, 2) that faces along y and walks 2 m/s ahead and 1 to its left; its feet are about (0.9, 2.2)."""
+    """A robot at (1, 2) faces along y and moves at 2 m/s ahead and 1 m/s to its left.
+
+    Its mean foot position is (0.9, 2.2).
+    """
     position, velocity, quaternion, feet = map(signal, ("position", "heading_velocity", "quaternion", "foot_position"))
     position[:, 1, :2], velocity[:, 1, :2] = (1.0, 2.0), (2.0, 1.0)
     quaternion[..., 0] = quaternion[..., 3] = np.sqrt(0.5)
@@ -47,7 +49,7 @@ def test_the_capture_point_is_where_the_robot_would_come_to_rest_seen_from_the_m
 
 
 def test_the_onset_follows_the_last_moment_of_an_ordinary_posture() -> None:
-    """A tilt of more than 0.2 rad, a height below half of that at home, a capture point more than 0.2 m off."""
+    """Unusual postures: a tilt above 0.2 rad, half of the home height, a capture point more than 0.2 m away."""
     assert plain().onset == END
     tilt = signal("tilt")
     tilt[100:120, 1], tilt[150:, 1], tilt[:, 0] = 0.3, 0.21, 1.0
@@ -57,14 +59,14 @@ def test_the_onset_follows_the_last_moment_of_an_ordinary_posture() -> None:
     assert plain(height=height).onset == 160
     assert plain(height=height, tilt=tilt).onset == 150
     height[:] = 0.4 * SIMPLE_QUAD.home_height
-    assert plain(height=height).onset == END  # a crouch that was its gait
+    assert plain(height=height).onset == END  # a crouching gait
     off = np.zeros((END, 2))
     off[170:, 1] = -0.21
     assert plain(capture_point_offset=off).onset == 170
 
 
 def test_a_capture_point_that_the_command_asks_for_is_ordinary() -> None:
-    """At 1 m/s it is 0.236 m ahead: 0.43 m are less than 0.2 m beyond that, 0.44 more."""
+    """At 1 m/s the capture point is 0.236 m ahead: 0.43 m is within 0.2 m of that, and 0.44 m is not."""
     command = signal("command")
     command[:, 1, 0] = 1.0
     for off, onset in ((0.43, END), (0.44, 170)):
@@ -80,7 +82,10 @@ def test_a_capture_point_that_the_command_asks_for_is_ordinary() -> None:
 def test_a_gait_that_sways_is_ordinary_up_to_a_fifth_more_and_thrice_the_threshold(
     sway: float, unusual: float, onset: int
 ) -> None:
-    """0.36 rad of one that sways by 0.3 from 0.2 s on until 1.2 s before its fall, and 0.6 of one that sways more."""
+    """0.36 rad is usual for a gait with a sway of 0.3 rad up to 1.2 s before its fall.
+
+    0.6 rad is for one with more sway.
+    """
     tilt = signal("tilt")
     tilt[:, 1] = sway
     tilt[170:, 1] = unusual
@@ -96,7 +101,7 @@ def test_of_a_gait_98_in_100_steps_are_ordinary() -> None:
 
 
 def test_what_is_known_of_less_than_a_stride_is_no_gait() -> None:
-    """20 steps of the start and 120 before the fall are none: of 180 steps 40 are left, which are not enough."""
+    """The first 20 steps and the 120 steps before the fall are excluded: of 180 steps, 40 remain, which are too few."""
     for end, onset in ((180, 0), (181, 181)):
         tilt = signal("tilt")
         tilt[:, 1] = 0.23
@@ -104,7 +109,7 @@ def test_what_is_known_of_less_than_a_stride_is_no_gait() -> None:
 
 
 def test_the_cause_is_looked_for_about_the_onset_or_after_the_first_second() -> None:
-    """From 0.35 s before it to 0.05 s after it, within the record."""
+    """The window is from 0.35 s before the onset to 0.05 s after it, within the record."""
     tilt = signal("tilt")
     tilt[150:, 1] = 0.3
     assert plain(tilt=tilt).window == slice(115, 155)
@@ -115,8 +120,10 @@ def test_the_cause_is_looked_for_about_the_onset_or_after_the_first_second() -> 
 
 
 def test_thresholds_go_with_the_robot(tmp_path: Path) -> None:
-    """On a robot with a quarter of the size, lengths are a quarter, times and speeds half, and angles and fractions
-    equal."""
+    """On a robot of a quarter of the size, lengths are a quarter and times and speeds half.
+
+    Angles and fractions are equal.
+    """
     small, own = recorded(robot=alike(tmp_path, longer=0.25)), recorded()
     factors = {"rise": 0.25, "look back": 0.5, "slide": 0.5, "tilt": 1.0, "sliding": 1.0}
     for name, factor in factors.items():
@@ -132,7 +139,7 @@ def test_what_was_drawn_is_that_of_its_own_seed() -> None:
 
 
 def test_shanks_lead_from_the_knees_to_the_feet_and_have_the_speed_of_the_step_before() -> None:
-    """Legs straight down: a quarter of 0.25 m apart each; the robot moves 0.02 m a step along x."""
+    """The shank points of a vertical leg are a quarter of 0.25 m apart; the robot moves by 0.02 m a step along x."""
     position, quaternion, feet = map(signal, ("position", "quaternion", "foot_position"))
     position[:, 1, 0], position[:, 1, 2] = 0.02 * np.arange(STEPS), 0.5
     quaternion[..., 0] = 1.0

@@ -1,4 +1,4 @@
-"""Each rule of causes by hand, on records in which one thing happens."""
+"""Each rule of causes by hand, on records with one event."""
 
 from typing import Any
 
@@ -14,7 +14,10 @@ from tests.evaluate.causes.made import END, RISER, STEPS, TIME_CONSTANT, recorde
 
 
 def blow(step: int, before: float = 1.0, at: float = 0.4, after: float = 0.0, *, lands: bool = True) -> EpisodeSignals:
-    """The front left foot flies ahead and meets a riser in that step; the others rest at the origin."""
+    """Return a record in which the swinging front left foot hits a riser in a step.
+
+    The other feet rest at the origin.
+    """
     points, velocity = np.zeros((2, END, 4, 4, 3))
     points[:, 0, 3, 0] = 0.73
     velocity[:step, 0, 3, 0], velocity[step, 0, 3, 0], velocity[step + 1 :, 0, 3, 0] = before, at, after
@@ -26,8 +29,11 @@ def blow(step: int, before: float = 1.0, at: float = 0.4, after: float = 0.0, *,
 
 
 def test_a_leg_that_swings_against_a_riser_trips_by_the_speed_that_it_loses() -> None:
-    """From 1 m/s, the mean of the three steps before, to 0.2, of the blow and the step after: 0.8 of 0.5 m/s. A step
-    later from 0.8 to 0, two later from 0.467; then it has stood for three steps."""
+    """The speed falls from 1 m/s, the mean of three steps, to 0.2 m/s, of the impact and the next step: 0.8 / 0.5 m/s.
+
+    One step later it falls from 0.8 m/s to 0, two steps later from 0.467 m/s. After three steps of stance, no trip is
+    found.
+    """
     event, *others = rules.trips(blow(130))
     assert [each.score for each in others] == pytest.approx([1.6, 1.4 / 3.0 / 0.5])
     assert (event.cause, event.step, event.is_instantaneous) == (rules.TRIP, 130, True)
@@ -37,7 +43,7 @@ def test_a_leg_that_swings_against_a_riser_trips_by_the_speed_that_it_loses() ->
 
 def test_a_leg_trips_only_where_it_touches_after_a_swing_and_within_the_window() -> None:
     assert not list(rules.trips(blow(130, lands=False)))
-    assert not list(rules.trips(blow(130, before=0.2, at=0.15)))  # loses 0.125 m/s
+    assert not list(rules.trips(blow(130, before=0.2, at=0.15)))  # a loss of 0.125 m/s
     seen = {step: [event.step for event in rules.trips(blow(step))] for step in (107, 108, 159, 160)}
     assert seen == {107: [], 108: [110], 159: [159], 160: []}
     for step, seen_there in ((198, [198]), (199, [])):  # the record ends at 199
@@ -50,7 +56,7 @@ def test_a_leg_trips_only_where_it_touches_after_a_swing_and_within_the_window()
 
 
 def pushed(*steps: int, onset: int = 150, **known: Any) -> list[rules.Event]:
-    """Pushes of the second robot, 50 N·s each, that last ten control steps; the first one's are others."""
+    """Return push events of the second robot, 50 N·s each for ten control steps; the first robot has other pushes."""
     impulse = np.tile((30.0, 40.0), (2, len(steps), 1))
     impulse[0] *= 3.0
     of_both = np.array([[149] * len(steps), steps])
@@ -62,7 +68,7 @@ def pushed(*steps: int, onset: int = 150, **known: Any) -> list[rules.Event]:
 
 
 def test_a_push_counts_by_how_far_it_moves_the_capture_point() -> None:
-    """50 N·s on 14.2 kg: 3.521 m/s, and 0.236 s times as much, of 0.3 m."""
+    """50 N·s on 14.2 kg give 3.521 m/s, which move the capture point by 0.236 s times that, relative to 0.3 m."""
     (event,) = pushed(140)
     assert event.description == "a push of 50 N·s, 3.5 m/s for its mass"
     assert event.score == pytest.approx(50.0 / 14.2 * TIME_CONSTANT / 0.3, rel=1e-4)
@@ -72,13 +78,15 @@ def test_a_push_counts_by_how_far_it_moves_the_capture_point() -> None:
 def test_a_push_may_be_the_cause_from_1_2_s_before_the_onset_until_a_push_s_length_after_it() -> None:
     """An anomaly may begin while the push still acts; a push that begins after the anomaly is not its cause."""
     assert [event.step for event in pushed(29, 30, 150, 155, 160, 161)] == [30, 150, 155, 160]
-    assert [event.step for event in pushed(198, 199, 200, onset=195)] == [198, 199]  # none after the fall
-    assert not pushed(140, end=STEPS)  # that did not fall
+    assert [event.step for event in pushed(198, 199, 200, onset=195)] == [198, 199]  # no push after the fall
+    assert not pushed(140, end=STEPS)  # without a fall
 
 
 @pytest.mark.parametrize(("way", "counts"), [(1.0, True), (0.6, True), (0.4, False), (-1.0, False)])
 def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, counts: bool) -> None:
-    """60 N are 0.431 of the weight, of 0.3; the capture point goes with it for half of its way or more."""
+    """60 N are 0.431 of the weight, relative to 0.3; the capture point moves along the force
+    at least half of its distance.
+    """
     scenario = Scenario("made", force=SteadyForce(60.0))
     record = recorded(scenario)
     along = record.sampled.force / 60.0
@@ -96,8 +104,8 @@ def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, count
 def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction: float, factor: float) -> None:
     """The first foot slides at 0.6 m/s in the last 10 of 50 steps, and the second foot at 0.3 m/s.
 
-    The third foot lands then and counts from its second step on; the last foot swings. The fraction is 10 of 50 + 50 +
-    9 steps, over 0.55.
+    The third foot lands at that time and counts from its second step on; the last foot swings. The share is 10 of 50 +
+    50 + 9 steps, relative to 0.55.
     """
     points, velocity = np.zeros((2, END, 4, 4, 3))
     velocity[150:, 0, 3, 1], velocity[150:, 1, 3, 0] = 0.6, 0.3
@@ -112,8 +120,11 @@ def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction:
 
 
 def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> None:
-    """The right fore calf gives its 40 N·m from step 120 on: its mean of five steps is at 0.95 of that from 124 on, in
-    36 of 50 steps of 12 joints, by 0.1. Another gives as much of 100."""
+    """The right front calf gives its maximum of 40 N·m from step 120 on.
+
+    Its mean over five steps is at 0.95 of the maximum from step 124 on, in 36 of 50 steps of 12 joints, relative to
+    0.1. Another joint gives 40 of its 100 N·m.
+    """
     torque, heat = signal("joint_torque"), np.full_like(signal("joule_heat"), np.nan)
     torque[120:, 1, 5], torque[:, 1, 4] = -40.0, 40.0
     limit = tuple(40.0 if joint == 5 else 100.0 for joint in range(12))
@@ -124,7 +135,7 @@ def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> No
 
 
 def test_motors_with_a_curve_count_at_their_speed_without_load_too() -> None:
-    """The speed is 9.6 of 10 rad/s in ten steps; motors without a torque-speed curve may turn at this speed."""
+    """The speed is 9.6 of 10 rad/s in ten steps; motors without a torque-speed curve may rotate at this speed."""
     speed, unknown = signal("peak_speed"), np.full_like(signal("joule_heat"), np.nan)
     speed[150:, 1, 1] = 9.6
     (event,) = rules.motor_saturation(recorded(peak_speed=speed, speed_limit=10.0))
@@ -134,7 +145,7 @@ def test_motors_with_a_curve_count_at_their_speed_without_load_too() -> None:
 
 
 def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
-    """0.7 rad in half of the window: 0.35 on average, by 0.35."""
+    """The lag is 0.7 rad in half of the window: 0.35 on average, relative to 0.35."""
     action = signal("action")
     action[135:, 1, 7] = -0.7
     _, event = rules.motor_saturation(recorded(Scenario("made", motors=Motors(bandwidth=5.0)), action=action))
@@ -144,13 +155,12 @@ def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
 
 
 def test_standing_legs_count_at_a_joint_limit_and_stretched() -> None:
-    """Two legs stand all the time: one at the limits of its hip in 10 + 10 steps, one straight in 10: 30 of 100, by
-    0.7."""
+    """Of two stance legs, one is at its hip limit in 10 + 10 steps, one straight in 10: 30 of 100, relative to 0.7."""
     joints, contact = signal("joint_position"), signal("foot_contact")
     joints[..., 2::3] = -1.2
     joints[140:150, 1, 0], joints[150:, 1, 0] = SIMPLE_QUAD.joint_lower[0], SIMPLE_QUAD.joint_upper[0]
     joints[150:, 1, 5] = 0.0
-    joints[:, 1, 8] = 0.0  # a leg that swings
+    joints[:, 1, 8] = 0.0  # a swing leg
     contact[:, 1, :2] = True
     (event,) = rules.limits(recorded(joint_position=joints, foot_contact=contact))
     assert (event.cause, event.step) == (rules.REACH, 140)
@@ -164,7 +174,10 @@ def facing(pitch: float) -> np.ndarray:
 
 
 def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that_it_is_of() -> None:
-    """Readings of 30 ms ago: a tilt of 0.3 rad that is not shown, of 0.2, and 0.75 m/s that are not there, of 0.5."""
+    """The readings are 30 ms old: tilt error 0.3 rad, relative to 0.2, and velocity error 0.75 m/s, relative to 0.5.
+
+    The error compares each estimate with the state at its own time.
+    """
     scenario = Scenario("made", latency=Latency(action=0.0, observation=0.03))
     observed = signal("observed")
     observed[..., 2] = -1.0
@@ -195,14 +208,14 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
 
 
 def test_a_delay_counts_both_ways_together() -> None:
-    """20 and 50 ms of the 0.236 s in which a robot falls over, by 0.4."""
+    """The sum of 20 and 50 ms is compared with 0.4 of the time constant of falling, 0.236 s."""
     (event,) = rules.delay_or_dropout(recorded(Scenario("made", latency=Latency(action=0.02, observation=0.05))))
     assert event.description == "readings and actions are 70 ms late together"
     assert event.score == pytest.approx(0.07 / TIME_CONSTANT / 0.4, rel=1e-4)
 
 
 def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() -> None:
-    """From the target that it got last, 20 ms late, to the farthest that it missed: 0.45 rad, by 0.15."""
+    """The distance from the last received target, 20 ms late, to the farthest lost target is 0.45 rad, by 0.15."""
     lost = Dropouts(count=1, duration=0.3, window=(1.1, 1.5))
     scenario = Scenario("made", dropouts=lost, latency=Latency(action=0.02, observation=0.0))
     record = recorded(scenario)

@@ -30,7 +30,7 @@ LIMITS = Event(rules.REACH, 110, 9.0, "limits")
 
 @pytest.fixture
 def of(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The verdict on a fall in which these are all events."""
+    """Return a function from all events to the verdict on a fall."""
 
     def found(*events: Event, **known: Any) -> Verdict:
         def rule(_: EpisodeSignals) -> Iterator[Event]:
@@ -46,7 +46,7 @@ def test_the_first_sudden_event_decides_and_else_the_strongest_that_lasts(of: An
     assert of(PUSH, ICE, TRIP).event == TRIP
     assert of(PUSH, ICE).event == PUSH
     assert of(ICE, Event(rules.MOTOR, 110, 1.1, "weak")).event == ICE
-    assert of(LIMITS, ICE).event == ICE  # limits of joints last
+    assert of(LIMITS, ICE).event == ICE  # joint limits have the lowest priority
     assert of(LIMITS).event == LIMITS
     assert of(PUSH._replace(score=0.99), ICE).event == ICE
     assert of(PUSH, ICE, TRIP).triggered_events == (TRIP, ICE, PUSH)  # by time
@@ -76,8 +76,8 @@ def test_a_blow_such_as_it_has_taken_before_is_not_certain(of: Any, monkeypatch:
     assert of(hard).certain
     before.append(TRIP._replace(step=40, score=1.0))
     assert not of(hard).certain
-    assert windows == [slice(0, 110)] * 2  # until its cause is looked for
-    assert of(hard._replace(step=200)).certain  # the trunk's own blow ends it
+    assert windows == [slice(0, 110)] * 2  # up to the search for the cause
+    assert of(hard._replace(step=200)).certain  # the impact of the trunk ends the episode
 
 
 def test_a_robot_that_never_walked_has_no_clear_cause(of: Any) -> None:
@@ -100,7 +100,7 @@ def test_without_events_the_gait_is_the_cause_and_certain_where_nothing_disturbe
     assert not of(command=fast).certain
     diverged = np.array([300, 200])
     assert of(divergence_step=diverged).event.cause == rules.UNCLEAR
-    assert of(divergence_step=diverged[::-1]).event.cause == rules.GAIT  # the other one's
+    assert of(divergence_step=diverged[::-1]).event.cause == rules.GAIT  # divergence of the other robot
 
 
 def upright(
@@ -109,7 +109,10 @@ def upright(
     scenario: Scenario | None = None,
     **changes: Any,
 ) -> Verdict:
-    """The second of two robots, which walks so in command intervals of 2 s; the first follows its command."""
+    """Return the verdict on the second of two robots, with a mean velocity per command interval of 2 s.
+
+    The first robot follows its command.
+    """
     steps = 200 * len(velocities)
     of_both = np.tile(np.float32(command), (steps, 2, 1))
     reached = of_both.copy()
@@ -142,7 +145,7 @@ def test_an_upright_robot_is_too_slow_stalled_or_off_its_command_where_it_is_wor
 
 
 def test_a_stalled_interval_decides_before_one_that_is_farther_off() -> None:
-    """Off by 1.9 m/s in the first interval, and standing in the second."""
+    """The velocity error is 1.9 m/s in the first interval; the robot stands still in the second interval."""
     found = upright([(1.0, 1.9, 0.0), (0.1, 0.0, 0.0)])
     assert (found.event.cause, found.event.step) == (rules.STALLED, 300)
 
@@ -150,7 +153,7 @@ def test_a_stalled_interval_decides_before_one_that_is_farther_off() -> None:
 def test_a_robot_that_turns_too_slowly_is_told_by_its_turn() -> None:
     found = upright([(0.5, 0.0, 0.5)], (0.5, 0.0, 1.0))
     assert (found.event.cause, found.event.description) == (rules.SLOW, "turns at 0.50 of the commanded 1.00 rad/s")
-    assert upright([(0.5, 0.0, -0.5)], (0.5, 0.0, 1.0)).event.cause == rules.GAIT  # the other way round
+    assert upright([(0.5, 0.0, -0.5)], (0.5, 0.0, 1.0)).event.cause == rules.GAIT  # in the opposite direction
 
 
 def test_disturbances_leave_it_open_whether_it_was_the_policy() -> None:
@@ -164,8 +167,8 @@ def test_motors_at_their_limit_decide_of_an_upright_robot_and_are_certain_alone(
     torque[:, 1, :2] = 100.0
     found = upright([(0.6, 0.0, 0.0)], joint_torque=torque)
     assert (found.event.cause, found.certain) == (rules.MOTOR, True)
-    torque[:, 1, 1] = 0.0  # 1 joint of 12, by a tenth: nearly, which leaves it less certain
-    for scenario in (Scenario("made"), Scenario("made", motors=Motors(bandwidth=20.0))):  # servos that keep up
+    torque[:, 1, 1] = 0.0  # 1 of 12 joints, relative to a tenth: close to the threshold
+    for scenario in (Scenario("made"), Scenario("made", motors=Motors(bandwidth=20.0))):  # servos without lag
         found = upright([(0.6, 0.0, 0.0)], scenario=scenario, joint_torque=torque)
         assert (found.event.cause, found.certain) == (rules.SLOW, False)
 

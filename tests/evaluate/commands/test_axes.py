@@ -1,4 +1,4 @@
-"""Fall rates along the axes."""
+"""Fall rates along the axes, by the command `axes`."""
 
 import io
 import shutil
@@ -24,7 +24,7 @@ from tests.seams import replace_report, short_episodes
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A policy that always falls and one that stands, at all levels of one axis."""
+    """Return the results of a policy that always falls and of a policy that stands, at all levels of one axis."""
     place = tmp_path_factory.mktemp("axes")
     with pytest.MonkeyPatch.context() as patch:
         short_episodes(patch, 110)
@@ -66,7 +66,7 @@ def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
 
 @pytest.mark.usefixtures("no_simulation", "no_page")
 def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
-    """As Ctrl-C leaves it: with its parts, and without an outcome."""
+    """The interrupted folder has its parts and no result, as after Ctrl-C."""
     short_episodes(monkeypatch, 110)
     shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
     run = read_run(tmp_path)

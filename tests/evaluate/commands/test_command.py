@@ -38,7 +38,7 @@ QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1")
 
 @pytest.mark.parametrize("failing", ["results.json", "report.html"])
 def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
-    """As the write of one file fails after everything has been simulated; a single episode has no intervals."""
+    """The write of one file fails after the simulation; a single episode has no intervals."""
 
     full_disk(monkeypatch, failing)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
@@ -103,7 +103,7 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
     command = [*PYTHON, "-m", "evaluate", *arguments, "--out", str(tmp_path)]
     with running(command, cwd=repository) as process:
         assert process.stderr.readline().startswith("[1/2] flat: document")
-        time.sleep(0.5)  # well into the next cell, which takes many seconds
+        time.sleep(0.5)  # during the next cell, which takes many seconds
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=120)
     assert process.returncode == 130
@@ -128,10 +128,12 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
     ],
 )
 def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, delay, running) -> None:
-    """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
+    """Ctrl-C during the import of modules, where a KeyboardInterrupt may appear as another
+    error, ends in one line as well.
+    """
     command = [*PYTHON, "-X", "importtime", "-m", *words.format(tmp_path).split()]
     with running(command, cwd=repository) as process:
-        # Before that it is Python starting up.
+        # Python itself is starting before that time.
         while not process.stderr.readline().endswith("quad_env.cli.command_line\n"):
             assert process.poll() is None
         time.sleep(delay)
@@ -148,7 +150,7 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, dela
 @pytest.mark.usefixtures("no_simulation")
 @pytest.mark.parametrize("arguments", [(), ("--resume",)], ids=" ".join)
 def test_a_folder_that_another_run_writes_to_is_refused_at_once(refused, tmp_path, run, arguments) -> None:
-    """Its own run, too, which --resume would carry on; before its first part no manifest stands there."""
+    """The folder of the same run is refused as well, without --resume; no manifest exists before the first part."""
     mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
     for folder in (run.folder, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}

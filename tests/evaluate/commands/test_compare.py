@@ -1,4 +1,4 @@
-"""Two results folders, paired by the episodes of the same seeds."""
+"""Comparison of two results folders, paired by episodes of equal seeds."""
 
 import dataclasses
 import json
@@ -55,14 +55,14 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         expected = 0.125 if match["a"] == "trot" else 0.0
         assert velocity["difference"] == pytest.approx(velocity["b"] - velocity["a"], abs=1e-12)
         assert velocity["difference"] == pytest.approx(expected)
-        # All five agree: others have at most 3.8415 / 8.8415 of the episodes (Wilson), and are within -2 … 2 m/s.
+        # All five agree: at most 3.8415 / 8.8415 of the episodes may differ (Wilson), within -2 … 2 m/s.
         others = 0.43448
         ends = [expected - others * (expected + 2.0), expected + others * (2.0 - expected)]
         if match["identical"]:
             assert all((each["difference"], each["ci"]) == (0.0, [None, None]) for each in match["contrasts"])
         else:
             assert velocity["ci"] == pytest.approx(ends, abs=1e-4)
-        # Five differences of one sign: 2 of 2^5 sign flips are as large.
+        # Five differences of one sign: 2 of 2^5 sign flips give as large a sum.
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 
 
@@ -77,7 +77,7 @@ def test_another_definition_of_a_scenario_is_named_and_other_seeds_are_refused(r
 
 
 def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsys) -> None:
-    """Three of five episodes are common: the episodes with the same seeds."""
+    """Three of five episodes are common to both runs: the episodes with equal seeds."""
     b = other(run, tmp_path / "b", lambda rows: rows.filter(pc.less(rows.column("episode"), 3)), episodes=3)
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
@@ -125,7 +125,10 @@ def test_other_policies_are_ranked_with_those_of_the_first_run(run, tmp_path, ca
 
 
 def test_a_policy_of_both_runs_stands_with_its_folder_unless_it_is_the_same_to_the_bit(run, tmp_path, capsys) -> None:
-    """All episodes of trot fail in B; its score falls by the amount that the ranking reports between its neighbours."""
+    """All episodes of trot fail in B.
+
+    Its score falls by the amount that the ranking reports between adjacent policies.
+    """
 
     def worse(rows: pa.Table) -> pa.Table:
         policies, outcomes = (rows.column(name).to_pylist() for name in ("policy", "outcome"))
@@ -164,7 +167,7 @@ def test_effort_is_compared_too_and_the_cost_is_that_of_all_episodes(run, tmp_pa
 
 
 def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
-    """Two of three policies always fail: trot is first in A and stand in B; two policies cannot be ranked."""
+    """Two of three policies always fail: trot is first in A and stand in B; a rank correlation needs three policies."""
 
     def swapped(rows: pa.Table) -> pa.Table:
         policies = rows.column("policy").to_pylist()
@@ -180,7 +183,7 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
     assert found["rank_correlation"]["scores"][1] == [0.0, 1.0, 0.0]
     assert found["rank_correlation"]["correlation"] == pytest.approx(
         -0.5
-    )  # of three pairs one is tied in each, one is reversed
+    )  # one pair of three is tied in each run, and one is reversed
     assert {match["p_value_holm"] for match in found["comparisons"]} != {None}
     said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")[1]
     assert "fewer than 3 policies" in said
@@ -188,7 +191,7 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
 
 
 def test_success_that_differs_after_correction_is_named(tmp_path, capsys, monkeypatch) -> None:
-    """Let 20 of 20 episodes succeed in B alone: p is 2 / 2^20, significant after any correction."""
+    """20 of 20 episodes succeed only in B: p is 2 / 2^20, significant after any correction."""
     short_episodes(monkeypatch, 150)
     without_report(monkeypatch)
     folder = tmp_path / "a"
@@ -206,7 +209,7 @@ def test_success_that_differs_after_correction_is_named(tmp_path, capsys, monkey
 
 
 def test_a_success_that_only_its_own_interval_shows_is_called_undistinguished(run, tmp_path, capsys) -> None:
-    """Five of five in B alone: Tango's interval excludes 0, and p is 2 / 2^5 before any correction."""
+    """Five of five episodes succeed only in B: Tango's interval excludes 0, and p is 2 / 2^5 before correction."""
 
     def changed(rows: pa.Table) -> pa.Table:
         outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)

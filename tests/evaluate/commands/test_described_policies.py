@@ -1,4 +1,6 @@
-"""A policy that does not walk as it is described costs a line before the first episode, and the evaluation goes on."""
+"""A policy that does not walk with its specification causes a warning before the first
+episode; the evaluation continues.
+"""
 
 import json
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Every command of `python -m evaluate`: its --help, and an effect of each of its options.
 
-`EFFECTS` has an entry for each option, or `ELSEWHERE` names the test of it; an option without either fails. Options are
-given all at once, each other than its default; those that exclude others are given apart.
+`EFFECTS` has an entry for each option, or `ELSEWHERE` names its test; an option without either fails. Options are given
+in one call, each with another value than its default; mutually exclusive options are given in separate calls.
 """
 
 import json
@@ -28,7 +28,7 @@ from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
 
 BRIEF = 130
-"""Control steps of an episode."""
+"""Number of control steps of an episode."""
 EVERY = pytest.mark.parametrize("name", COMMANDS)
 
 
@@ -37,7 +37,7 @@ def options_of(command: str) -> Any:
 
 
 def once(read: Callable[[Batch], Any]) -> Reading:
-    """A reading of the batches, each value once, in their order."""
+    """Return a reading of the batches: each value once, in order."""
     return lambda made: list(dict.fromkeys(map(read, made.batches)))
 
 
@@ -61,7 +61,7 @@ def called(function: str, argument: str) -> Reading:
 
 
 def held(name: str, key: str) -> Reading:
-    """An entry of a JSON file."""
+    """Return a reading of an entry of a JSON file."""
     return lambda made: json.loads((made.folder / name).read_bytes())[key] if made.done else None
 
 
@@ -70,7 +70,7 @@ def baselines(name: str) -> Reading:
 
 
 def replayed(made: Called) -> list[tuple[str, str, int]]:
-    """Policy, scenario and number of the rows with the seed that was simulated, on the scenario that was."""
+    """Return policy, scenario and index of the rows with the simulated seed and scenario."""
     rows = pq.read_table(made.folder / "a/episodes.parquet").to_pylist()
     first = made.batches[0]
     (policy,) = made.of("resolve", "name_or_path")
@@ -167,11 +167,11 @@ ELSEWHERE = {
         ),
     },
 }
-"""Options with a test of their own."""
+"""Options that have their own tests."""
 
 
 def runs() -> Iterator[Any]:
-    """Command and words that are given together."""
+    """Yield each command with the arguments of its calls."""
     for command, effects in EFFECTS.items():
         marks = [pytest.mark.rendering] if "video" in effects else []
         for given in dict.fromkeys(each.given for each in effects.values()):
@@ -191,7 +191,7 @@ def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Results of two policies on two scenarios."""
+    """Return the results folder of two policies on two scenarios."""
     folder = tmp_path_factory.mktemp("evaluated")
     words = "--policies stand crouch --scenarios flat push --episodes 3 --threads 1 --out"
     with pytest.MonkeyPatch.context() as patch:

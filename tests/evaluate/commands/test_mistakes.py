@@ -1,4 +1,4 @@
-"""Words that `python -m evaluate` can do nothing with are one line, before anything is simulated or written."""
+"""Invalid arguments of `python -m evaluate` give one line, before anything is simulated or written."""
 
 import shlex
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A user's own terrain at the command line: evaluated, carried on and replayed only as long as it is the same."""
+"""User-defined terrain on the command line: evaluated, resumed and replayed only if it is unchanged."""
 
 import json
 
@@ -18,7 +18,7 @@ def test_results_hold_what_the_terrain_was_and_refuse_another(tmp_path, capsys, 
     toml.write_text('file = "hill.npy"\nsize = [8, 8]\n', encoding="utf-8")
 
     def said(*words: object) -> tuple[int, str]:
-        height_file.read.cache_clear()  # as in a process of its own
+        height_file.read.cache_clear()  # as in a new process
         return main(list(map(str, words))), "".join(capsys.readouterr())
 
     run = ("--policies", "stand", "trot@hill", "--scenarios", toml, "--episodes", "2", "--out", out)

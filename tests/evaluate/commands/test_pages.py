@@ -1,4 +1,4 @@
-"""Pages of the failures that a report names: made once, kept when something stops them, and linked."""
+"""Pages of the failures that a report names: written once, kept after an interruption, and linked."""
 
 import shutil
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Any row of a results folder can be simulated again; differences are named, with the reason."""
+"""Any row of a results folder can be simulated again; differences are reported with the reason."""
 
 import re
 
@@ -37,7 +37,7 @@ def test_a_row_is_found_by_its_place_in_the_file(run, capsys) -> None:
 
 
 def test_a_value_that_differs_in_its_last_bit_is_named(run, tmp_path, capsys) -> None:
-    """The sign of zero is a bit too: the document's controller, of row 0, falls before energy is counted."""
+    """The sign of zero is compared as well: in row 0 the document's controller falls before energy counts."""
     stored = pq.read_table(run.folder / "episodes.parquet").column("energy").to_pylist()
     for row, wrong in ((10, float(np.nextafter(stored[10], np.inf))), (0, -0.0)):
         code, said = replay(capsys, other(run, tmp_path / str(row), with_value("energy", row, wrong)), row)

@@ -19,7 +19,7 @@ PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=1, window=(0.1, 0.3), i
 SMALL = RenderOptions(size=(160, 120))
 FEW = RenderOptions(size=(160, 120), rate=5.0)
 LINE = 14
-"""Pixels from a line of its captions to the next."""
+"""px. Distance between two lines of the captions."""
 HEADER = 2 * LINE + 8
 
 
@@ -41,7 +41,7 @@ def test_a_film_lasts_as_long_as_its_speed_says(speed: float, rate: float, every
 
 
 def blinking(count: int, width: int = 160) -> list[Image.Image]:
-    """Images that are black and white by turns, but for the last, a green one."""
+    """Return images that alternate between black and white; the last one is green."""
     return [Image.new("RGB", (width, 120), ("black", "white")[k % 2]) for k in range(count - 1)] + [
         Image.new("RGB", (width, 120), (0, 128, 0))
     ]
@@ -77,9 +77,9 @@ def test_a_strip_is_of_the_whole_film(tmp_path: Path) -> None:
 
 @pytest.mark.rendering
 def test_every_policy_walks_the_same_episode_and_the_last_frame_says_what_came_of_each() -> None:
-    """Two of the same do the same, to the last pixel; the outcome stands on a bar along the bottom."""
+    """Two equal policies give equal pixels; the outcome is a bar at the bottom of the last frame."""
     pictures = np.array(images_of(take_of("trot", "trot", "stand", scenario=quad_env.scenario("flat"), steps=150), FEW))
-    first, same, other = np.split(pictures[:, HEADER + 40 :], 3, axis=2)  # below the text
+    first, same, other = np.split(pictures[:, HEADER + 40 :], 3, axis=2)  # the rows below the text
     assert (first == same).all()
     assert (first[0] == other[0]).all()
     assert np.abs(first - other)[1:].max(axis=(1, 2, 3)).min() > 40
@@ -93,14 +93,14 @@ def test_every_policy_walks_the_same_episode_and_the_last_frame_says_what_came_o
 def test_a_film_ends_a_second_after_the_last_fall_of_which_every_frame_tells() -> None:
     pictures = images_of(take_of("document", scenario=quad_env.scenario("flat"), steps=260), FEW)
     bars = [tuple(image[-3, 150]) == ALARM for image in pictures]
-    assert bars == [False] * 2 + [True] * 6  # it falls after 0.3 s; the last frame is an extra one
+    assert bars == [False] * 2 + [True] * 6  # the fall is at 0.3 s; the last frame is an additional one
     assert [tuple(image[HEADER + 50, 0]) == ALARM for image in pictures] == bars
 
 
 @pytest.mark.rendering
 def test_a_push_is_told_while_it_is_seen() -> None:
     bars = [tuple(image[-3, 150]) for image in images_of(take_of("stand", steps=70))]
-    assert 7 <= bars.count(ALARM) <= 9  # 0.1 s, and 0.2 s more
+    assert 7 <= bars.count(ALARM) <= 9  # 0.1 s of push, and 0.2 s more
     assert bars[0] != ALARM
     assert bars[-1] not in (GOOD, BAD, ALARM), "an episode of less than a second has no outcome"
 

@@ -1,4 +1,4 @@
-"""The page of an episode shows the signals that were recorded, under frames of the same moments."""
+"""The page of an episode shows the recorded signals, and the frames of the same times."""
 
 import dataclasses
 import json
@@ -29,12 +29,12 @@ STEPS, SEED, HOSTILE = 250, 4, "</script><b>trot"
 
 @dataclass
 class Written:
-    """Page with two policies, one of them falls."""
+    """Page with two policies; one of them falls."""
 
     text: str = ""
     data: dict[str, Any] = field(default_factory=dict)
     drawn: list[int] = field(default_factory=list)
-    """Control step of every frame."""
+    """Control step of each frame."""
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,9 @@ def test_a_page_is_one_offline_file_whatever_a_policy_is_called(page) -> None:
 
 
 def test_what_a_policy_is_given_is_read_in_its_own_idea_of_the_vertical() -> None:
-    """It rolls to its right by 0.3 rad and goes ahead at 1 m/s, sideways at 0.5 m/s and turns at 2 rad/s."""
+    """The tilt defines the vertical: roll to the right of 0.3 rad, 1 m/s ahead, 0.5 m/s
+    sideways, yaw rate of 2 rad/s.
+    """
     cos, sin = math.cos(0.3), math.sin(0.3)
     to_body = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
     observed = np.concatenate([to_body @ each for each in ([0.0, 0.0, -1.0], [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])])

@@ -1,4 +1,4 @@
-"""Arrows show command, velocity and push."""
+"""Arrows of the command, the velocity and the push."""
 
 import math
 
@@ -28,7 +28,7 @@ PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=2, window=(1.0, 2.0), i
 
 @pytest.fixture(scope="module")
 def shown() -> list[tuple[Step, dict[Colour, Arrow]]]:
-    """Return each control step of a trot that turns and is pushed, with its arrows by colour."""
+    """Return the arrows of each control step by colour, for a trot that turns and is pushed."""
     steps = iterate_episode(policies.make("trot"), PUSHED, 4, steps=220, command=(0.5, 0.0, 0.5))
     start = next(steps)
     scene, told = Scene(start), []
@@ -39,7 +39,7 @@ def shown() -> list[tuple[Step, dict[Colour, Arrow]]]:
 
 
 def direction(arrow: Arrow) -> float:
-    """In the world, rad."""
+    """Return the direction of an arrow in the world frame, rad."""
     way = np.subtract(arrow.end, arrow.start)
     assert way[2] == 0.0
     return float(np.arctan2(way[1], way[0]))
@@ -52,7 +52,7 @@ def angle_between(first: float, second: float) -> float:
 def test_the_velocity_points_along_the_way_that_the_robot_goes(shown) -> None:
     for now in (60, 90, 110):
         way = shown[now][0].infos["position"][0] - shown[now - 50][0].infos["position"][0]
-        halfway = 0.25 * 0.5  # rad; yaw since the middle of that half second, because the mean refers to it
+        halfway = 0.25 * 0.5  # rad; yaw since the middle of the half second of the mean
         drawn = direction(shown[now][1][VELOCITY])
         assert angle_between(drawn, np.arctan2(way[1], way[0]) + halfway) < 0.12
         length = np.linalg.norm(np.subtract(shown[now][1][VELOCITY].end, shown[now][1][VELOCITY].start))

@@ -12,7 +12,7 @@ from tests.evaluate.measures.uneventful import uneventful
 
 
 def traced(height: float, tilt: float = 0.0, vertical: float = 0.0, speed: float = 0.0, fall: int = 200) -> Episodes:
-    """One episode of 200 steps with that height, m, tilt, rad, vertical velocity, m/s, and joint speed, rad/s."""
+    """Return an episode of 200 steps: constant height, m, tilt, rad, vertical velocity, m/s, joint speed, rad/s."""
     nothing, down = uneventful(SIMPLE_QUAD, 200), np.zeros((200, 1, 3), np.float32)
     down[:, 0, 2] = vertical * 0.01 * np.arange(200)
     return replace(
@@ -29,12 +29,12 @@ def traced(height: float, tilt: float = 0.0, vertical: float = 0.0, speed: float
     ("episodes", "expected"),
     [
         (traced(0.22), True),
-        (traced(0.55), False),  # stands
-        (traced(0.22, speed=3.0), False),  # walks low
-        (traced(0.22, tilt=1.0), False),  # leans
-        (traced(0.22, vertical=-0.5), False),  # drops
-        (traced(0.1, vertical=-0.2, speed=2.0, fall=150), True),  # touches down slowly
-        (traced(0.1, vertical=-0.4, speed=2.0, fall=150), False),  # comes down too fast
+        (traced(0.55), False),  # a standing robot
+        (traced(0.22, speed=3.0), False),  # a low walk
+        (traced(0.22, tilt=1.0), False),  # a leaning robot
+        (traced(0.22, vertical=-0.5), False),  # a falling trunk
+        (traced(0.1, vertical=-0.2, speed=2.0, fall=150), True),  # a slow touch-down
+        (traced(0.1, vertical=-0.4, speed=2.0, fall=150), False),  # too fast a touch-down
     ],
 )
 def test_controlled_stop_is_low_upright_and_slow(episodes: Episodes, expected: bool) -> None:

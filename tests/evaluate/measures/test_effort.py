@@ -24,14 +24,14 @@ FALL = 30
 
 
 def signal(name: str, change: Callable[[np.ndarray], None]) -> np.ndarray:
-    """An empty record of one episode after `change` has written to its steps, (steps, …)."""
+    """Return a record of one episode of zeros, changed by `change` in its steps, (steps, …)."""
     record = empty_signal(SIMPLE_QUAD, name, STEPS, 1)
     change(record[:, 0])
     return record
 
 
 def joints(name: str, *places: tuple[slice | int, slice | int, float]) -> dict[str, np.ndarray]:
-    """A joint signal that is zero but for values at (steps, joints)."""
+    """Return a joint signal of zeros, except for the values at (steps, joints)."""
 
     def change(record: np.ndarray) -> None:
         for steps, which, value in places:
@@ -47,11 +47,11 @@ def measured(name: str, **changes) -> float:
 ALL, FELL = slice(None), {"fall_step": np.array([FALL])}
 WALK = {"heading_velocity": signal("heading_velocity", lambda record: np.copyto(record, (0.5, 0.0, 0.0)))}
 BRAKING = joints("positive_work", (ALL, 0, 4.0)) | joints("regeneration", (ALL, 1, 3.0))
-"""70 W: 40 W into one joint and 30 W out of another, which no spring keeps."""
+"""70 W: 40 W into one joint and 30 W out of another one, without storage in springs."""
 
 
 def test_what_is_carried_is_weighed() -> None:
-    """A load of 5 kg, in the record of its episodes as in their summary."""
+    """The weight includes the payload of 5 kg, in the record of the episodes and in their summary."""
     bare, loaded = quad_env.scenario("flat"), quad_env.scenario("payload=5")
     assert weight(SIMPLE_QUAD, loaded) == pytest.approx((SIMPLE_QUAD.mass + 5.0) * 9.81)
     seeds = np.arange(2)
@@ -71,7 +71,7 @@ def test_mechanical_power() -> None:
 
 
 def test_work_regeneration_and_heat() -> None:
-    """4 s of 40 W, 30 W and 5 W of heat in each of two joints; 2 s before the fall."""
+    """4 s of 40 W, 30 W and 5 W of heat in each of two joints; the fall halves the time to 2 s."""
     warm = joints("joule_heat", (ALL, slice(2, 4), 0.5))
     for fall, seconds in (({}, 4.0), (FELL, 2.0)):
         for name, power in (("energy", 70), ("positive_work", 40), ("regeneration", 30), ("joule_heat", 10)):
@@ -88,7 +88,7 @@ def test_peak_and_mean_torque() -> None:
 
 
 def test_shares_of_the_motors_limits() -> None:
-    """15 N·m of 20 are a larger share than 30 of 60; 4 rad/s of 8 than 6 of 24."""
+    """The largest share counts: 15 of 20 N·m exceeds 30 of 60 N·m, and 4 of 8 rad/s exceeds 6 of 24 rad/s."""
     strong, fast = (20.0, *[60.0] * 11), (8.0, *[24.0] * 11)
     torque = joints("peak_torque", (20, 0, 15.0), (20, 1, 30.0), (5, 0, 20.0))
     speed = joints("peak_speed", (20, 0, 4.0), (20, 1, 6.0), (FALL, 0, 8.0))
@@ -108,7 +108,7 @@ def test_overspeed() -> None:
 
 
 def test_action_rate() -> None:
-    """One target that steps by 0.3 rad once: 3 rad/s for one of the judged steps and twelve joints."""
+    """One target jumps by 0.3 rad once: 3 rad/s in one of the judged steps, over twelve joints."""
     step = joints("action", (slice(20, None), 0, 0.3))
     assert measured("action_rate", **step) == pytest.approx(3 / np.sqrt(JUDGED * 12))
     first = joints("action", (slice(SETTLING, None), 0, 0.3))

@@ -36,7 +36,7 @@ def trotting(delay: int = 0, swing: int = 16) -> np.ndarray:
 
 
 def commanded(*intervals: float) -> np.ndarray:
-    """Forward commands, each for half of the episode."""
+    """Return forward commands; each lasts an equal part of the episode."""
     command = empty_signal(SIMPLE_QUAD, "command", STEPS, 1)
     command[: STEPS // 2, 0, 0], command[STEPS // 2 :, 0, 0] = intervals
     return command
@@ -44,8 +44,8 @@ def commanded(*intervals: float) -> np.ndarray:
 
 def test_duty_factor() -> None:
     contact = trotting()
-    contact[10::STRIDE, 0, FL] = True  # three steps apart from the ground before and after: a swing is a swing
-    contact[5::STRIDE, 0, FR] = False  # rattles while it stands
+    contact[10::STRIDE, 0, FL] = True  # a contact of one step in mid-swing is ignored
+    contact[5::STRIDE, 0, FR] = False  # a bounce in stance
     factor = measured("duty_factor", foot_contact=contact)
     np.testing.assert_allclose(factor, [25 / 40, 24 / 40, 24 / 40, 24 / 40], atol=0.01)
     always = np.ones_like(contact)
@@ -53,7 +53,10 @@ def test_duty_factor() -> None:
 
 
 def test_step_rate() -> None:
-    """2.5 touch-downs per foot and second, whatever rattles; of one foot of four a quarter of it."""
+    """The rate is 2.5 touch-downs per foot and second, despite bounces.
+
+    One foot of four alone gives a quarter of it.
+    """
     contact = trotting()
     contact[5::STRIDE, 0, FR] = False
     assert measured("step_rate", foot_contact=contact) == pytest.approx(2.5)
@@ -63,7 +66,7 @@ def test_step_rate() -> None:
 
 
 def test_flight() -> None:
-    """Swings of 0.24 s of 0.4 overlap twice for 0.04 s; a foot that rattles does not leave the ground."""
+    """Swings of 0.24 s in a cycle of 0.4 s overlap twice for 0.04 s; a bouncing foot does not lift off."""
     assert measured("flight", foot_contact=trotting()) == 0.0
     assert measured("flight", foot_contact=trotting(swing=24)) == pytest.approx(0.2, rel=0.05)
     rattling = np.ones_like(trotting())
@@ -79,8 +82,10 @@ def test_trunk_height() -> None:
 
 
 def test_touchdown_impulse() -> None:
-    """2 N·s in the control step of a touch-down and 1 in the next, on 142 N; more before and after, in the first second
-    and in the step after which the robot has fallen."""
+    """2 N·s in the step of a touch-down and 1 N·s in the next, relative to 142 N.
+
+    Other impulses do not count: those before and after, in the first second, and in the step after a fall.
+    """
     contact, impulse = trotting(), empty_signal(SIMPLE_QUAD, "foot_impulse", STEPS, 1)
     for foot, first in ((FL, 16), (HR, 16), (FR, 36), (HL, 36)):
         for after, received in ((-1, 7.0), (0, 2.0), (1, 1.0), (2, 9.0)):
@@ -94,7 +99,7 @@ def test_touchdown_impulse() -> None:
 
 
 def test_foot_slip() -> None:
-    """One foot slides 1 mm a step along a diagonal of the ground; another swings, and lifts while it stands."""
+    """One foot slides 1 mm a step along a diagonal; another foot swings, and a lift in stance does not count."""
     contact, position = (
         empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1),
         empty_signal(SIMPLE_QUAD, "foot_position", STEPS, 1),

@@ -1,4 +1,4 @@
-"""The table of measures: complete, and true to the columns it heads."""
+"""Table of the measures: complete, with correct columns."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from tests.evaluate.measures.uneventful import uneventful
 
 
 def test_every_measure_is_in_the_table_once() -> None:
-    """Under a title of its own; a figure is one number an episode."""
+    """Each measure has its own title, and each figure is one number per episode."""
     measured = metrics.measure(uneventful(SIMPLE_QUAD, 200, 3))
     assert sorted(measure.name for measure in MEASURES) == sorted(metrics.MEASURE_NAMES)
     assert len({measure.title for measure in MEASURES}) == len(MEASURES)
@@ -33,7 +33,7 @@ def test_every_measure_is_a_column_and_every_figure_in_the_results(run) -> None:
 
 
 def test_measures_go_by_the_figures_of_the_recorded_robot() -> None:
-    """A robot that is rated at half the speed."""
+    """A robot with half the rated speed has measures with its own scale."""
     other = replace(SIMPLE_QUAD, rated_speed=5.0)
     moving = {"joint_velocity": empty_signal(SIMPLE_QUAD, "joint_velocity", 200, 1) + np.float32(7.0)}
     ours, others = (metrics.measure(uneventful(robot, 200, **moving)) for robot in (SIMPLE_QUAD, other))

@@ -1,4 +1,4 @@
-"""Metrics against figures worked out by hand; a tenth-of-a-second step keeps the arithmetic small."""
+"""Metrics, compared with values computed by hand; a time step of 0.1 s keeps the numbers simple."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ COMMAND_STEPS = 50
 
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
-    """One episode with a constant, or a per-step, heading velocity."""
+    """Return one episode with a heading velocity that is constant or given per step."""
     speed, work = (
         empty_signal(SIMPLE_QUAD, "joint_velocity", STEPS, 1),
         empty_signal(SIMPLE_QUAD, "positive_work", STEPS, 1),
@@ -58,7 +58,7 @@ def test_a_steady_robot_is_billed_its_velocity_error() -> None:
 def test_the_first_second_is_not_judged_and_a_step_costs_at_most_the_cap() -> None:
     velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
     velocity[:SETTLING] = 50.0
-    velocity[SETTLING : SETTLING + 9] = (11.0, 0.0, 50.0)  # 9 of 90 steps, 10 m/s and 49.5 rad/s wrong
+    velocity[SETTLING : SETTLING + 9] = (11.0, 0.0, 50.0)  # errors of 10 m/s and 49.5 rad/s in 9 of 90 steps
     measures = measure(velocity)
     assert measures.velocity_error == pytest.approx([0.1 * 2.0])
     assert measures.yaw_rate_error == pytest.approx([0.1 * 3.0])
@@ -70,7 +70,7 @@ def test_every_step_from_the_fall_to_the_time_limit_costs_the_cap() -> None:
     assert measures.velocity_error == pytest.approx([0.3 * 0.5 + 0.7 * 2.0])
     assert measures.yaw_rate_error == pytest.approx([0.3 * 0.3 + 0.7 * 3.0])
     assert measures.velocity_error_upright == pytest.approx([0.5])
-    # Its windows are steps 10..49 and 60..99: 27 of those 80 steps were upright.
+    # The windows are steps 10..49 and 60..99: the robot is upright in 27 of these 80 steps.
     assert measures.mean_velocity_error == pytest.approx([(27 * 0.5 + 53 * 2.0) / 80])
     assert measures.fell[0]
     assert measures.fall_time == pytest.approx([3.8])  # step 37 ends after 3.8 s
@@ -98,7 +98,7 @@ def test_each_command_interval_has_its_own_mean_after_its_first_second() -> None
     command = np.tile((1.0, 0.0, 0.0), (STEPS, 1))
     command[COMMAND_STEPS:] = (-1.0, 0.0, 0.0)
     velocity = command * 0.8
-    velocity[COMMAND_STEPS : COMMAND_STEPS + SETTLING] = (1.0, 0.0, 0.0)  # still turning round
+    velocity[COMMAND_STEPS : COMMAND_STEPS + SETTLING] = (1.0, 0.0, 0.0)  # still in its turn
     measures = measure(velocity, command)
     assert measures.mean_velocity_error == pytest.approx([0.2])
     np.testing.assert_allclose(measures.commands[0, :, 0], (1.0, -1.0))
@@ -117,7 +117,7 @@ def test_an_interval_has_a_command_if_begun_and_a_mean_velocity_if_ended_upright
 
 @pytest.mark.parametrize(("turns", "outcome"), [(slice(75, None), "stalled"), (slice(75), "off_command")])
 def test_an_interval_weighs_as_long_as_it_is(turns, outcome) -> None:
-    """Commanded to turn for 6.5 s and for 1.5 s; it does in one of them."""
+    """The command is a turn for 6.5 s and for 1.5 s; the robot turns in one of the intervals."""
     velocity = np.zeros((STEPS, 3))
     velocity[turns, 2] = 0.5
     record = replace(episodes(velocity, (0.0, 0.0, 0.5)), command_steps=75)
@@ -142,7 +142,7 @@ def test_falling_within_the_first_second_leaves_nothing_upright() -> None:
 
 @pytest.mark.parametrize(("fall", "seconds"), [(STEPS, 9.0), (SETTLING + 40, 4.0)])
 def test_cost_of_transport_is_energy_over_weight_times_distance_up_to_a_fall(fall, seconds) -> None:
-    """At 71 W over 142 N and 0.5 m/s."""
+    """The energy is 71 W times the time, the weight 142 N, and the speed 0.5 m/s."""
     measures = measure((0.3, 0.4, 0.0), fall_step=fall)
     assert measures.energy == pytest.approx([71.0 * seconds])
     assert measures.distance == pytest.approx([0.5 * seconds])
@@ -151,7 +151,7 @@ def test_cost_of_transport_is_energy_over_weight_times_distance_up_to_a_fall(fal
 
 def test_stepping_in_place_has_no_cost_of_transport() -> None:
     velocity = np.zeros((STEPS, 3))
-    velocity[::2, 0], velocity[1::2, 0] = 0.8, -0.8  # a path of 7 m that leads nowhere
+    velocity[::2, 0], velocity[1::2, 0] = 0.8, -0.8  # a path of 7 m without displacement
     measures = measure(velocity)
     assert measures.distance == pytest.approx([0.0], abs=1e-9)
     assert np.isnan(measures.cost_of_transport[0])
@@ -163,7 +163,7 @@ def test_stepping_in_place_has_no_cost_of_transport() -> None:
     falls=st.tuples(st.integers(0, STEPS), st.integers(0, STEPS)),
 )
 def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
-    # Mean errors stay below the cap, as they do for a robot that can do 3 m/s at most.
+    # The mean errors are below the cap, as for a robot with at most 3 m/s.
     velocity = np.repeat(velocities, STEPS // 5, axis=0)
     early, late = (measure(velocity, (0.0, 0.0, 0.0), fall_step=fall) for fall in sorted(falls))
     for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
@@ -180,4 +180,4 @@ def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     assert summary["velocity_error"] == pytest.approx((2.0 + 1.0) / 2)
     assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.5) / 2)
     assert summary["energy"] == 0.0
-    assert np.isnan(summary["cost_of_transport"])  # neither goes anywhere
+    assert np.isnan(summary["cost_of_transport"])  # no robot moves

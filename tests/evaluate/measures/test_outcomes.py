@@ -26,7 +26,7 @@ SEED, STEPS = episode_seeds("search", 12, 1), 400
 
 
 def judged(commands, velocities, **changes):
-    """The outcome of one upright episode with these commands and mean velocities, an interval a row."""
+    """Return the outcome of one upright episode with a command and a mean velocity per interval, one interval a row."""
     no = np.zeros(1, np.bool_)
     arrays = {"commands": np.array([commands], float), "velocities": np.array([velocities], float)}
     arrays["durations"] = np.ones(len(commands))
@@ -36,25 +36,25 @@ def judged(commands, velocities, **changes):
 @pytest.mark.parametrize(
     ("command", "velocity", "expected"),
     [
-        ((1.0, 0.0, 0.0), (0.66, 0.0, 0.0), "succeeded"),  # 0.34 off; 0.15 + 0.2 allowed
+        ((1.0, 0.0, 0.0), (0.66, 0.0, 0.0), "succeeded"),  # error 0.34 m/s; 0.15 + 0.2 are allowed
         ((1.0, 0.0, 0.0), (0.64, 0.0, 0.0), "off_command"),
-        ((1.0, 0.0, 0.0), (0.75, 0.25, 0.0), "off_command"),  # 0.354 off, in both directions together
+        ((1.0, 0.0, 0.0), (0.75, 0.25, 0.0), "off_command"),  # error 0.354 m/s, the norm over both directions
         ((0.0, 0.0, 1.0), (0.0, 0.0, 0.66), "succeeded"),
-        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "stalled"),  # the turn stands in for the way
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "stalled"),  # stalled in the turn
         ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
-        ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # nothing was asked in which it could stall
+        ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # without a command to move, an episode cannot stall
         ((1.0, 0.0, 0.0), (0.26, 0.0, 0.0), "off_command"),
-        ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "stalled"),  # the way counts along the command
-        # Within 0.15 m/s + 20 % of the command, though it hardly moved.
+        ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "stalled"),  # only the velocity along the command counts
+        # Within 0.15 m/s + 20 % of the command, although it hardly moves.
         ((0.0, -0.1, 0.0), (0.0, -0.024, 0.0), "stalled"),
         ((0.0, -0.1, 0.0), (0.0, -0.026, 0.0), "succeeded"),
         ((0.06, 0.08, 0.0), (0.08, -0.06, 0.0), "stalled"),  # 0.1 m/s, but across the command
-        ((0.2, 0.0, 1.0), (0.04, 0.0, 1.0), "stalled"),  # no turn stands in for the way
-        # No more than 0.05 m/s: to stand is within tolerance.
+        ((0.2, 0.0, 1.0), (0.04, 0.0, 1.0), "stalled"),  # the turn does not replace the translation
+        # At most 0.05 m/s: standing is within the tolerance.
         ((0.05, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
         ((0.03, -0.04, 0.1), (0.0, 0.0, 0.0), "succeeded"),
         ((np.nextafter(0.05, 1.0), 0.0, 0.0), (0.0, 0.0, 0.0), "stalled"),
-        ((0.04, 0.0, 1.0), (0.0, 0.0, 0.0), "stalled"),  # off its command, and it did nothing
+        ((0.04, 0.0, 1.0), (0.0, 0.0, 0.0), "stalled"),  # off its command, and without motion
         ((0.04, 0.0, 1.0), (0.02, 0.0, 0.0), "off_command"),
     ],
 )
@@ -63,7 +63,7 @@ def test_the_rule_by_hand(command, velocity, expected):
 
 
 def test_deviations_are_told_in_what_is_allowed():
-    """By hand: 0.35 m/s and 0.35 rad/s are allowed of commands of 1, 0.15 of none."""
+    """0.35 m/s and 0.35 rad/s are allowed for commands of 1, and 0.15 for commands of 0."""
     commands = np.array([[(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]])
     velocities = np.array([[(0.3, 0.0, 0.0), (0.0, 0.15, 0.65), (0.03, 0.04, -0.3), (np.nan,) * 3]])
     np.testing.assert_allclose(RULES[SUCCESS_RULE].deviations(commands, velocities), [[2.0, 1.0, 2.0, np.nan]])
@@ -72,7 +72,7 @@ def test_deviations_are_told_in_what_is_allowed():
 def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     forward, still = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     assert judged([forward, still], [forward, still]) == "succeeded"
-    # Its deviations are 0.8 and 1.1 of the limit: the mean is within the limit, but not every interval.
+    # The deviations are 0.8 and 1.1 of the limit: the mean is within the limit, but one interval is not.
     assert judged([forward] * 2, [(1.0 - 0.8 * 0.35, 0.0, 0.0), (1.0 - 1.1 * 0.35, 0.0, 0.0)]) == "off_command"
     assert judged([forward, forward], [forward, still]) == "stalled"  # one interval is enough
     assert judged([(0.1, 0.0, 0.0), still], [still, still]) == "stalled"
@@ -100,7 +100,7 @@ def test_falls_divergences_and_stops_come_before_everything_else():
 
 
 def anything(count=2000):
-    """Arguments of `outcomes` for episodes to which anything happened, at slow commands as well as fast ones."""
+    """Return random arguments of `outcomes`, with any events, at slow and fast commands."""
     generator = np.random.default_rng(0)
     truths = dict(zip(("fell", "diverged", "stopped", "failed"), generator.random((4, count)) < 0.2, strict=True))
     truths["fell"] |= truths["diverged"]
@@ -123,7 +123,7 @@ def test_an_outcome_is_one_of_the_rules_whatever_happened():
 
 
 def asked(forward):
-    """Flat ground on which every command is that forward velocity, m/s."""
+    """Return flat ground with a constant forward command, m/s."""
     ranges = CommandRanges(forward=(forward, forward), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
     return replace(SCENARIOS["flat"], commands=ranges)
 
@@ -167,7 +167,7 @@ def test_rules_differ_in_how_far_off_is_off():
     [((0.49, 0.39), "succeeded"), ((0.5, 0.39), "off_command"), ((0.49, 0.4), "off_command"), (None, "off_command")],
 )
 def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expected):
-    """By hand: below 0.5 m/s and 0.4 rad/s, whatever the mean velocities were; a fall fails."""
+    """The limits are 0.5 m/s and 0.4 rad/s, independent of the mean velocities; a fall fails."""
     of_steps = {"errors": None if errors is None else np.array([errors]), "rule": RULES[ISAAC_LAB]}
     half = ([(1.0, 0.0, 0.0)], [(0.5, 0.0, 0.0)])
     assert judged(*half, **of_steps) == expected

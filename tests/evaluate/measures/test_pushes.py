@@ -12,7 +12,7 @@ from tests.evaluate.measures.uneventful import uneventful
 DT = 0.01
 STEPS = 1000
 FIRST, SECOND = 150, 650
-"""Steps at which the pushes begin: neither a command nor the other push comes within 2.4 s."""
+"""Steps at which the pushes begin; the next command or push is at least 2.4 s away."""
 LENGTH = 10
 
 
@@ -33,7 +33,10 @@ def test_push_time() -> None:
 
 
 def test_push_impulse() -> None:
-    """A robot that faces along y, nose down by 0.4 rad, is pushed along x, to its right, and a little along y."""
+    """The robot faces along y with its nose down by 0.4 rad.
+
+    The push is along x, to its right, and a little along y.
+    """
     yaw, pitch = np.pi / 4, 0.2
     facing = (np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.sin(pitch), np.cos(yaw) * np.sin(pitch),
               np.sin(yaw) * np.cos(pitch))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Episodes in which nothing happens, for measures to be tried on."""
+"""Episodes without events, as a base for tests of measures."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from quad_env.robots.robot import Robot
 def uneventful(
     robot: Robot, steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any
 ) -> Episodes:
-    """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
+    """Return episodes without events: every signal is zero, except for `changes`."""
     nothing: dict[str, Any] = {
         "robot": robot,
         "seeds": np.arange(count),

@@ -1,4 +1,4 @@
-"""A results folder that is not as it was written is recognised: one line, exit code 2, and nothing in it is changed."""
+"""An altered results folder is detected: one line, exit code 2, and the folder is left unchanged."""
 
 import contextlib
 import errno
@@ -32,13 +32,13 @@ pytestmark = pytest.mark.usefixtures("no_page")
 
 @pytest.fixture
 def folder(run: Any, tmp_path: Path) -> Path:
-    """Results that may be written to, and next to them the same."""
+    """Return a writable copy of the results; a second copy, `intact`, is in the same folder."""
     shutil.copytree(run.folder, tmp_path / "intact")
     return Path(shutil.copytree(run.folder, tmp_path / "folder"))
 
 
 def command(*arguments: object) -> tuple[int, str]:
-    """Exit code and stderr."""
+    """Return exit code and stderr."""
     error = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
         code = main([str(argument) for argument in arguments])
@@ -50,7 +50,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def commands_on(folder: Path) -> Iterator[tuple[object, ...]]:
-    """Every command that reads a run's folder."""
+    """Yield every command that reads the folder of a run."""
     yield "report", folder
     yield "compare", folder, folder.with_name("intact")
     yield "compare", folder.with_name("intact"), folder
@@ -96,7 +96,7 @@ def test_rows_without_their_hash_are_refused(folder) -> None:
 
 
 def edits(value: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """With one entry changed or left out, for each entry."""
+    """Yield copies with one entry changed or removed, for each entry."""
     for key in value:
         yield {**value, key: "another"}
         if key != "sha256":
@@ -121,7 +121,7 @@ def test_no_command_takes_an_edited_manifest(folder) -> None:
 
 
 def test_a_flipped_bit_of_the_footer_is_refused(folder) -> None:
-    """One bit in 997 of them; the column's pages have checksums of their own."""
+    """Every 997th bit is flipped; the data pages of the columns have their own checksums."""
     path = folder / EPISODES
     good, run = path.read_bytes(), read_run(folder).manifest.fingerprint
     footer = struct.unpack("<I", good[-8:-4])[0] + 8
@@ -134,7 +134,7 @@ def test_a_flipped_bit_of_the_footer_is_refused(folder) -> None:
             rows = read_table(path, run)
         except ValueError:
             continue
-        harmless += 1  # for example in statistics: the rows that are read are the rows that were written
+        harmless += 1  # for example in statistics: the rows that are read equal the written rows
         path.write_bytes(good)
         assert rows.equals(read_table(path, run))
     assert harmless < footer * 8 // 997
@@ -179,7 +179,7 @@ def fails(*_: object) -> None:
 
 
 def test_a_lost_part_does_not_cost_the_rows_that_the_table_has(folder) -> None:
-    """As after a kill while the parts of a finished run were being removed."""
+    """A run that is killed while the parts are removed keeps all rows in its table."""
     run = read_run(folder)
     store = ChunkStore(folder, run.manifest, resumed=True)
     for cell in run.cells[:2]:

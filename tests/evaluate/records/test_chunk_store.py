@@ -36,7 +36,9 @@ def manifest() -> Manifest:
 
 @pytest.fixture
 def part(made_up_cell):
-    """A part of a cell: policy, scenario, numbers of its episodes, which have the seeds of theirs in a run's."""
+    """Return a function that makes a part of a cell: policy, scenario, indices of its
+    episodes, with the seeds of a run.
+    """
 
     def make(policy="a", scenario=FLAT, numbers=(0, 1, 2), seed=5) -> EpisodeChunk:
         of = np.array(numbers)
@@ -51,12 +53,12 @@ def names(folder: Path) -> list[str]:
 
 
 def errors(chunks) -> list[list[float]]:
-    """Errors of the parts' episodes, tenths of their numbers."""
+    """Return the errors of the parts' episodes, in tenths of their indices."""
     return [(10.0 * chunk.cell.measures.velocity_error).round().tolist() for chunk in chunks]
 
 
 def test_parts_go_to_the_place_of_their_cell_and_come_back_from_there_alone(tmp_path, manifest, part) -> None:
-    """Scenario 1 of two policies, policy 1: cell 1 · 2 + 1."""
+    """Scenario 1 of two policies, policy 1, is cell 1 · 2 + 1."""
     store = ChunkStore(tmp_path, manifest, True)
     for each in part(), part(numbers=(3, 4, 5)), part("b", PUSH), part("b", FLAT, (2, 3)):
         store.save(each)
@@ -93,7 +95,7 @@ def test_parts_of_other_runs_of_other_seeds_and_of_later_episodes_are_left_out(t
 
 
 def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then(tmp_path, manifest, part) -> None:
-    """Until then, parts of the other run are neither loaded nor removed; files that are no parts stay."""
+    """Before the first part, parts of another run are neither loaded nor removed; other files stay."""
     before = ChunkStore(tmp_path, replace(manifest, code="before").with_fingerprint())
     before.save(part(numbers=(0, 1)))
     before.save(part(numbers=(2, 3)))
@@ -111,7 +113,10 @@ def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then
 
 
 def test_a_run_under_way_has_the_cells_of_which_every_episode_is_there(tmp_path, manifest, part, capsys) -> None:
-    """In the order of their numbers, however they came; the parts of others are no loss."""
+    """Cells are in the order of their indices, in any order of completion.
+
+    Missing parts of other cells are no error.
+    """
     store = ChunkStore(tmp_path, manifest)
     for each in part("b", PUSH, (5, 3, 4)), part("b", PUSH, (0, 2, 1)), part("a", PUSH), part("a", FLAT, (1, 2)):
         store.save(each)
@@ -150,7 +155,7 @@ def test_a_policy_that_runs_on_some_scenarios_has_no_cells_on_others(manifest) -
 
 
 def test_a_run_until_settled_is_the_same_run_at_every_look_and_open_until_it_ends(manifest) -> None:
-    """Another limit, other episodes of a run without one, and other seeds are another run."""
+    """A different limit, a run with fixed episodes, and different seeds are other runs."""
     first = replace(manifest, limit=40, episodes=10).with_fingerprint()
     changes = {"episodes": 20, "ended": "settled", "threads": 2, "options": {"x": 1}, "date": "2026-01-01"}
     later = replace(first, **changes).with_fingerprint()

@@ -1,4 +1,4 @@
-"""Results by other rules than today's are refused in one line, which names the version that reads them."""
+"""Results of older rules are refused in one line, which names the version that reads them."""
 
 import json
 
@@ -20,7 +20,7 @@ def test_figures_by_another_rule_are_one_line(run, tmp_path, refused, changes) -
 
 
 def test_a_manifest_of_0_1_0_is_one_line(run, tmp_path, refused) -> None:
-    """It has no hash, and its scenarios are of modules of that time."""
+    """The manifest has no hash, and its scenarios refer to modules of that version."""
     old = other(run, tmp_path / "old")
     found = json.loads((old / manifest.NAME).read_text())
     del found["sha256"], found["versions"]["success_rule"]

@@ -57,7 +57,10 @@ def test_one_weight_more_or_less_shows(part) -> None:
 
 
 def test_arrays_of_objects_count_by_what_they_hold_not_by_where_that_lies() -> None:
-    """Otherwise a run with an external policy that records its failures in such an array could not be resumed."""
+    """The digest of an array of objects depends on their values and not on their addresses.
+
+    Otherwise a run with an external policy that records its failures in such an array could not be resumed.
+    """
 
     def noting(*failures):
         policy = policies.make("trot")
@@ -85,7 +88,7 @@ def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> Non
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch) -> Path:
-    """Create a repository with one module, as the subject of the code digest."""
+    """Create a repository with one module for the code digest."""
     module = tmp_path / "policies" / "a.py"
     module.parent.mkdir()
     module.write_text('"""Doc."""\n\nX = 1\n"""Unit."""\n\n\ndef f():\n    return "text"\n', encoding="utf-8")
@@ -120,7 +123,7 @@ def test_the_codes_digest_is_of_statements_not_of_comments_and_docstrings(source
 
 
 def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_it() -> None:
-    """Figures that a robot works out are kept with it; they define nothing."""
+    """The digest contains the robot, but neither the folder of its files nor its cached values."""
 
     def digest(robot: Robot) -> str:
         policy = policies.make("stand")
@@ -144,4 +147,4 @@ def test_the_blas_kernel_is_recorded_and_named_where_it_differs(repository, run)
     first = replace(manifest.read(run.folder), versions=here).with_fingerprint()
     second = replace(first, versions=there).with_fingerprint()
     assert manifest.differences(first, second) == [f"blas was {here['blas']} and is {there['blas']}"]
-    assert first.fingerprint == second.fingerprint  # the same rows are then the same file
+    assert first.fingerprint == second.fingerprint  # equal rows then give equal files

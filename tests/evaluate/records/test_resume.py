@@ -1,4 +1,4 @@
-"""A run that is killed, or stopped by a mistake, goes on with --resume and ends as one that never stopped."""
+"""A run that is killed or stopped by an error continues with --resume, with the results of an uninterrupted run."""
 
 import contextlib
 import io
@@ -30,7 +30,7 @@ from tests.seams import full_disk, replace_report, replace_simulation
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
 PARTS = 2 * 2 * 3
-"""With two episodes at once."""
+"""Number of parts with two episodes each."""
 OUTCOME = ("results.json", "episodes.parquet", "report.html", "manifest.json")
 
 SHORT = """
@@ -53,7 +53,7 @@ class Dying(type(files.Path())):
 files.Path = Dying
 raise SystemExit(main(sys.argv[3:]))
 """
-"""The command with short episodes, which is killed just before its file of that number would be in its place."""
+"""Program that runs the command with short episodes and is killed just before the file of a given index is complete."""
 
 
 def a_page(results: Results, path: Path, **_options) -> None:
@@ -68,7 +68,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def evaluate(*arguments: object) -> tuple[int, str]:
-    """Exit code and stderr."""
+    """Return exit code and stderr."""
     error = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
         code = main([str(argument) for argument in arguments])
@@ -77,7 +77,7 @@ def evaluate(*arguments: object) -> tuple[int, str]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run in one go."""
+    """Return the folder of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("whole")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rollout, "STEPS", STEPS)
@@ -98,7 +98,7 @@ def killed(repository: Path, folder: Path, write: int) -> None:
     assert finished.returncode == -signal.SIGKILL, finished.stderr
 
 
-# The first write is a part, then come the manifest, the other parts, results.json, episodes.parquet and report.html.
+# The first write is a part; then come the manifest, the other parts, results.json, episodes.parquet and report.html.
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 @pytest.mark.parametrize("write", [3, PARTS + 2])
 def test_a_killed_run_goes_on_to_the_same_files(repository, tmp_path, whole, write) -> None:
@@ -111,7 +111,7 @@ def test_a_killed_run_goes_on_to_the_same_files(repository, tmp_path, whole, wri
 
 
 def unfinished(whole: Path, folder: Path) -> Path:
-    """A folder as a killed run leaves it: two of four cells done, one of them in two chunks."""
+    """Create the folder of a killed run: two of four cells are complete, one of them in two parts."""
     shutil.copytree(whole, folder, dirs_exist_ok=True)
     run = store.read_run(folder)
     remove = [folder / name for name in OUTCOME[:3]]
@@ -184,7 +184,7 @@ def test_another_machine_or_version_is_refused_and_another_commit_of_the_same_co
 
 @pytest.mark.parametrize(("edit", "code"), [("# a comment\n", 0), ('"""A docstring."""\n', 0), ("EXTRA = 1\n", 2)])
 def test_an_edit_of_comments_does_not_stop_a_run_from_going_on(repository, tmp_path, monkeypatch, edit, code) -> None:
-    """An edit of a statement does."""
+    """An edit of a statement stops the resumption; an edit of a comment does not."""
     copy, out = tmp_path / "repository", tmp_path / "out"
     for package in provenance.SOURCES:
         shutil.copytree(repository / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
@@ -253,12 +253,12 @@ def test_other_options_are_refused_by_name(tmp_path, whole) -> None:
 
 
 def full(*_arguments, **_options):
-    """In place of a function that writes to a disk."""
+    """Replacement of a function that writes to a disk; it raises the error of a full disk."""
     raise OSError(28, "No space left on device")
 
 
 def full_disk_for(name: str) -> Callable[[pytest.MonkeyPatch], None]:
-    """Return a function that lets writes of the files with a name fail, in tests with its `patch`."""
+    """Return a function that makes writes of the files with a name fail, in tests with its `patch`."""
     return lambda patch: full_disk(patch, name)
 
 

@@ -1,4 +1,4 @@
-"""Results of a run with the file of a robot that cannot be found from here: one line names the folder to go to."""
+"""The robot file of a run cannot be found from the working folder: one line names the folder to change to."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A run --until settled adds episodes until neighbours are distinguished, however often it is interrupted."""
+"""A run with --until settled adds episodes until adjacent policies are distinguished, also after interruptions."""
 
 import json
 import shutil

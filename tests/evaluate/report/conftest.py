@@ -1,4 +1,4 @@
-"""A page of made-up episodes with every section that is made of figures."""
+"""Report of made-up episodes with every section that has numbers."""
 
 import json
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ EPISODES = 12
 
 
 def watch_clipping(patch: pytest.MonkeyPatch) -> list[str]:
-    """Return the parts that reach beyond their figure in all figures saved from now on; first the number of figures."""
+    """Return a list for all figures saved from now on: the number of figures, then the parts outside their figure."""
     seen = ["0"]
     save = Figure.savefig
 
@@ -48,7 +48,7 @@ def measured(generator: np.random.Generator, successes: int, falls: int) -> Meas
     names = [name for name in MEASURE_NAMES if name not in OF_CAUSES]
     drawn = {name: generator.uniform(0.1, 1.9, EPISODES) for name in names}
     drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object)) | {"cause_time": np.full(EPISODES, np.nan)}
-    drawn["distance"] = drawn["distance"] + 2.0  # far enough for a cost of transport
+    drawn["distance"] = drawn["distance"] + 2.0  # enough distance for a cost of transport
     order = generator.permutation(EPISODES)
     fell, succeeded = order < falls, order >= EPISODES - successes
     shapes = {"commands": (4, 3), "mean_velocities": (4, 3), "duty_factor": (4,)}
@@ -70,7 +70,7 @@ def measured(generator: np.random.Generator, successes: int, falls: int) -> Meas
 
 
 def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> PolicyScenarioResult:
-    """The later a policy is named, the earlier it breaks on push."""
+    """Return a cell; a policy later in the alphabet breaks earlier on push."""
     place = POLICIES.index(policy)
     measures = measured(generator, *{"push:1": (11, 1), "push:3": (2, 10)}.get(scenario.name, (8 - place, 3 + place)))
     unfailing = np.full(EPISODES, None, dtype=object)
@@ -92,14 +92,14 @@ class Files:
 
     @property
     def results(self) -> dict[str, Any]:
-        """With NaN for null."""
+        """Return the results, with NaN for null."""
         found: dict[str, Any] = null_to_nan(json.loads((self.folder / "results.json").read_text(encoding="utf-8")))
         return found
 
 
 @pytest.fixture(scope="session")
 def four(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """Four policies; files as the command writes them."""
+    """Return four policies with the files that the command writes."""
     folder, generator = tmp_path_factory.mktemp("four"), np.random.default_rng(0)
     cells = [cell_of(policy, scenario, generator) for scenario in resolve(SCENARIOS) for policy in POLICIES]
     results = analyse(cells, seed=0, episodes=EPISODES, complete=True)

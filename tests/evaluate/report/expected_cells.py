@@ -1,4 +1,4 @@
-"""Numbers and texts that the cells of the report's tables must show, from results.json."""
+"""Expected numbers and texts of the cells in the report's tables, from results.json."""
 
 import re
 from collections.abc import Iterator
@@ -13,9 +13,9 @@ from tests.evaluate.report.page_tables import PageTable, page_tables
 LEGS = ("fl", "fr", "hl", "hr")
 SHARES = {"success": "success_rate", "falls": "fall_rate"}
 Row = dict[str, tuple[str, ...]]
-"""Heading -> texts of the cell: its figure and the lines below it."""
+"""Heading -> texts of the cell: its number and the lines below it."""
 Said = list[float] | str
-"""Numbers that a cell must show, in order, in the units that it shows them in; or its whole text."""
+"""Expected numbers of a cell, in order and in its units, or its whole text."""
 
 
 class Report:
@@ -27,13 +27,13 @@ class Report:
         self.scenarios = {
             name: each for of in self.found["policies"].values() for name, each in of["scenarios"].items()
         }
-        """Name -> figures of any policy, in the order of the run."""
+        """Scenario name -> figures of any policy, in the order of the run."""
 
     def of(self, policy: str, scenario: str) -> dict[str, Any]:
         return self.found["policies"][policy]["scenarios"][scenario]
 
     def one(self, kind: str, **wanted: str) -> dict[str, Any]:
-        """The entry of a list of results.json with these values."""
+        """Return the only entry of a list of results.json with the given values."""
         (found,) = (each for each in self.found[kind] if wanted.items() <= each.items())
         return found
 
@@ -98,7 +98,7 @@ class Report:
         return known(of["figures"][key], *(each for each in ends if abs(each) < np.inf))
 
     def strength(self, policy: str, shown: str, head: str) -> Said:
-        """Success on the first axis of the best; on each of the worst, and its failures by the most common outcome."""
+        """Return the success on the best axis, or the success on each worst axis with its most common failures."""
         (score,) = (each["axes"] for each in self.found["scores"] if each["policy"] == policy)
         rates = {name: float(np.mean(of)) for name, of in score.items()}
         named = re.findall(r"\w+" if head == "best on" else r"(\w+) [\d.]+ % \(", shown)
@@ -138,7 +138,7 @@ def known(value: float, *ends: float) -> Said:
 
 
 def shows(cell: tuple[str, ...], said: Said) -> bool:
-    """Return True if a table cell has exactly these numbers, each to the number of digits that it shows."""
+    """Return True if a table cell has exactly these numbers, each to its number of digits."""
     if isinstance(said, str):
         return cell == (said,)
     shown = re.findall(r"-?\d+(?:\.\d+)?", " ".join(cell).replace("−", "-"))
@@ -149,7 +149,7 @@ def shows(cell: tuple[str, ...], said: Said) -> bool:
 
 
 def wrong(report: Report, table: PageTable) -> Iterator[str]:
-    """Yield the table cells that differ from the values that their headings name."""
+    """Yield the table cells that differ from the expected values."""
     heads = table.heads
     for cells in table.rows[1:]:
         row = dict(zip(heads, cells, strict=True))

@@ -1,4 +1,4 @@
-"""Tables of the report's page, as texts."""
+"""Tables of the report page, as texts."""
 
 import re
 from collections.abc import Iterator
@@ -8,24 +8,24 @@ from html import unescape
 
 @dataclass
 class PageTable:
-    """A table of the page."""
+    """Table of the page."""
 
     section: str
     heading: str
-    """The last smaller heading above it in the section; empty without one."""
+    """The last smaller heading of the section above the table; empty without a heading."""
     fold: str
-    """The last summary of a fold above it."""
+    """The last summary of a collapsible part above the table."""
     rows: list[list[tuple[str, ...]]]
-    """The headings first."""
+    """Rows of the table; the headings are the first row."""
 
     @property
     def heads(self) -> list[str]:
-        """Headings, each with its unit."""
+        """Return the headings, each with its unit."""
         return [", ".join(cell) for cell in self.rows[0]]
 
 
 def texts(cell: str) -> tuple[str, ...]:
-    """Texts of a cell without tags and marks, with plain spaces."""
+    """Return the texts of a cell without tags and entities, with plain spaces."""
     parts = re.sub(r'<span class="mark".*?</span>', "", cell).split("<small>")
     return tuple(unescape(re.sub("<.*?>", "", part)).replace("\u00a0", " ").strip() for part in parts)
 

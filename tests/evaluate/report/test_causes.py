@@ -19,7 +19,10 @@ LONG = "models/residual-with-a-long-name/seed-12"
 
 @pytest.fixture
 def results(made_up_cell) -> Results:
-    """Ten episodes a cell: `trot` on two pushes and on the profile, another policy on flat alone, which never fails."""
+    """Return ten episodes a cell: `trot` on two pushes and on the profile.
+
+    Another policy only on flat, without failures.
+    """
 
     def cell(policy: str, scenario: str, *causes: str):
         made = made_up_cell(policy, np.arange(10) < len(causes), None, resolve((scenario,))[0])

@@ -1,4 +1,4 @@
-"""Every cell of every table of the page has the figures of results.json that its heading names."""
+"""Every cell of every table of the page has the numbers of results.json that its heading names."""
 
 import pytest
 
@@ -8,7 +8,7 @@ SECTIONS = (
     *("ranking", "best-and-worst", "effort", "breaking-points"),
     *("axis-flat", "axis-push", "axis-rough", "how-it-was-measured"),
 )
-"""Sections with tables of figures."""
+"""Sections with tables of numbers."""
 
 
 @pytest.fixture(scope="module")

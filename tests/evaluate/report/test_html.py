@@ -1,4 +1,4 @@
-"""Pieces of HTML."""
+"""Helpers for HTML."""
 
 import re
 

@@ -44,7 +44,7 @@ def score(policy: str, **axes: int) -> Score:
     ],
 )
 def test_headings_of_the_heat_map_neither_overlap_nor_leave_it(clipped, names, severities) -> None:
-    """Also where each axis has one severity, and a block of cells is narrower than a policy's name."""
+    """The headings fit also if each axis has one severity and a block of cells is narrower than a policy's name."""
     with drawing.plot_settings():
         drawn = success.draw_heat_map([score(name, flat=1, push=severities) for name in names])
         drawing.figure_to_svg(drawn)
@@ -90,7 +90,7 @@ def test_a_policys_colour_is_its_own_and_many_are_all_told_apart() -> None:
 
 
 def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
-    """Policies that succeed in the same episodes, up to half of the axis."""
+    """Return cells of policies that succeed in the same episodes, up to half of the axis."""
     cells = [
         made_up_cell(name, np.arange(16) < falls, None, scenario)
         for scenario, falls in zip(resolve(("push:1", "push:2", "push:3", "push:4")), (0, 0, 16, 16), strict=True)
@@ -103,7 +103,9 @@ def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
 
 @pytest.mark.parametrize("names", [("trot", "residual"), (*drawing.FIXED_STYLE_POLICIES, LONG, "b")])
 def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
-    """Pixels of each policy's own colour, by itself and with all others on it."""
+    """The number of pixels in the colour of each policy is compared between a plot of the
+    policy alone and of all policies.
+    """
     results, axis = against_push(made_up_cell, *names)
     with drawing.plot_settings():
         whole = curves.draw_severity_curves(results, axis, FALL_RATE, "falls")

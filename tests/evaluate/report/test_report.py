@@ -1,4 +1,4 @@
-"""report.html: one offline file that a real browser shows, on a desk and on a phone."""
+"""The file report.html: offline, complete in one file, and readable in a browser on a desktop and on a phone."""
 
 import dataclasses
 import json
@@ -83,7 +83,7 @@ def test_the_contents_lead_to_every_section(page) -> None:
 
 
 def test_p_values_are_of_success_alone(four) -> None:
-    """Falls and errors have intervals; every p of the page is of one family."""
+    """Falls and errors have intervals; all p-values of the page belong to one family."""
     rows = re.findall(r"<tr>(<td>[^<]*(?:<wbr>[^<]*)* − .*?)</tr>", four.page)
     assert len(rows) > 10
     for row in rows:
@@ -116,7 +116,7 @@ def test_every_plot_says_what_it_shows(page) -> None:
 
 
 def odd_one(made: Results) -> Results:
-    """Part of a run on motors: other ran on flat and rough alone, and raised in three episodes."""
+    """Return a partial run on motors: the policy `other` ran only on flat and rough, and raised in three episodes."""
     cells = []
     for cell in made.cells:
         if cell.policy == "other" and cell.scenario.name in ("flat", "rough"):
@@ -131,7 +131,7 @@ def odd_one(made: Results) -> Results:
 
 @pytest.fixture(scope="module")
 def odd(made) -> tuple[Results, str]:
-    """Its results and its page."""
+    """Return the results of the partial run and its page."""
     results = odd_one(made)
     return results, render(results)
 
@@ -156,7 +156,7 @@ def test_outcomes_are_those_of_the_rule(page, run) -> None:
 
 
 def test_a_policy_stands_only_where_it_ran(odd) -> None:
-    """Other did not run on the pushes, nor the trot on rough."""
+    """The policy `other` did not run on the pushes, and the trot did not run on rough."""
     sections = dict(zip(re.findall(r'<section id="([^"]+)">', odd[1]), odd[1].split("<section ")[1:], strict=True))
     assert "</span>other" not in sections["axis-push"]
     assert "</span>other" in sections["axis-flat"]

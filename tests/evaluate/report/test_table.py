@@ -1,4 +1,4 @@
-"""The table on the terminal: every figure of a few scenarios, success on many."""
+"""Table on the terminal: all numbers for a few scenarios, success for many."""
 
 import dataclasses
 import io
@@ -29,11 +29,11 @@ def test_a_few_scenarios_have_every_figure(made) -> None:
     assert max(map(len, lines)) <= 80
     text = "\n".join(lines)
     assert "velocity" in text
-    assert re.search(r"85 %.*\n.*\[71, 93\]", text)  # of 34 of 40 falls, Wilson
+    assert re.search(r"85 %.*\n.*\[71, 93\]", text)  # falls in 34 of 40 episodes, Wilson
 
 
 def test_the_ranking_comes_first_and_says_where_each_is_weak(made) -> None:
-    """Other falls less on three of four pushes, more on rough, which as an axis counts as much as all pushes."""
+    """The policy `other` falls less on three of four pushes and more on rough; an axis weighs as much as all pushes."""
     lines = printed(made)
     assert lines[0].startswith("trot is best: success 79 % [75, 83], 7.3 points [")
     (first,) = (number for number, line in enumerate(lines) if line.split()[:2] == ["policy", "score"])
@@ -61,7 +61,10 @@ def test_many_scenarios_have_success_at_each_severity_in_80_columns(made) -> Non
 
 
 def test_short_headings_are_those_of_the_same_figure() -> None:
-    """The first word and the unit of the whole heading; with a unit of their own, differences of shares."""
+    """A short heading has the first word and the unit of the full heading.
+
+    Differences of shares have their own unit.
+    """
     for metric in METRICS:
         words, unit = TERMINAL_TITLES[metric].replace("\n", " "), BY_NAME[metric].unit if metric in ERRORS else ""
         assert (words.split()[0], words.endswith(unit)) == (TITLES[metric].split()[0], True)
@@ -69,7 +72,7 @@ def test_short_headings_are_those_of_the_same_figure() -> None:
 
 
 def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) -> None:
-    """Names go on in lines below; figures and intervals stay in one piece, in as many columns as there are."""
+    """Names continue in lines below; numbers and intervals are unbroken, in as many columns as fit."""
     names = [f"models/residual-of-a-long-name-that-goes-on-and-on/seed-{number:04}" for number in (1, 2)]
     assert {len(name) for name in names} == {60}
     flat = resolve(("flat",))[0]
@@ -88,7 +91,7 @@ def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) 
         whole = "".join(narrow).replace(" ", "")
         assert max(map(len, narrow)) <= width
         assert f"{names[0]}beats{names[1]}by" in whole
-        assert width == 60 or whole.count(f"{names[0]}success:78%[62,88];") == 2  # of the ranking and of the figures
+        assert width == 60 or whole.count(f"{names[0]}success:78%[62,88];") == 2  # in the ranking and in the figures
 
 
 def test_scores_of_both_worlds_stand_side_by_side_and_a_policy_without_one_is_named(made) -> None:

@@ -1,4 +1,4 @@
-"""Names of scenarios on the command line, and scenarios in a user's file."""
+"""Names of scenarios on the command line, and scenarios of a user's file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_a_name_that_is_none_lists_the_valid_ones(given, words) -> None:
 
 
 def written(folder: Path, text: str) -> Path:
-    """A user's file."""
+    """Write a user's file and return its path."""
     path = folder / "my_file.py"
     path.write_text(f"import quad_env\n{text}", encoding="utf-8")
     return path

@@ -1,7 +1,6 @@
-"""A policy that walks as described raises no complaint; each usual mistake in its description is named with its remedy.
+"""A policy with a correct specification raises no warning; each common error is named with its remedy.
 
-The mistakes are made by `planted_errors`, on three networks that differ in robot, orders, scales, signs, rate and
-history.
+The errors come from `planted_errors`, on three networks that differ in robot, orders, scales, signs, rate and history.
 """
 
 from dataclasses import replace
@@ -30,7 +29,7 @@ REMEDIES = {
     "signs": "check `signs` of thigh and calf",
     "damping": "check `stiffness` and `damping`",
 }
-"""By mistake; each keeps all three networks from walking."""
+"""Error -> remedy; each error keeps all three networks from walking."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +48,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def made(described: PolicySpec, robot: str) -> NetworkPolicy:
-    """Return the policy as a served one, but in this process."""
+    """Return the policy as an external policy in this process."""
     policy = NetworkPolicy(described, robot=robot)
     policy.spec, policy.close = described, lambda: None
     return policy

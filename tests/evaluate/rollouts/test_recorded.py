@@ -35,7 +35,7 @@ NONE = np.zeros(2, np.int8)
 
 
 def told(number: int, fall: Sequence[str] = ("none", "none"), diverged: Sequence[bool] = (False, False)) -> Step:
-    """A step of two robots in which every signal is the step's number, of the second robot half more."""
+    """Return a step of two robots; every signal is the index of the step, plus one half for the second robot."""
     infos: dict[str, Any] = {}
     for name, shape in shapes(SIMPLE_QUAD).items():
         infos[name] = (number + np.array([0.0, 0.5])).reshape(2, *(1,) * len(shape)) * np.ones((2, *shape))
@@ -60,7 +60,7 @@ def test_every_step_is_kept_in_its_row_and_the_start_in_none() -> None:
     assert found.stopped is not None
     assert found.stopped.tolist() == [[False, True], [True, True], [False, True], [False, False]]
     assert found.observed is not None
-    np.testing.assert_array_equal(found.observed[1, 0], 2.0 + np.arange(9))  # gravity, turning and velocity come first
+    np.testing.assert_array_equal(found.observed[1, 0], 2.0 + np.arange(9))  # gravity and velocities are first
     assert (found.dt, found.push_steps, found.seeds.tolist()) == (0.02, 5, [7, 8])
     np.testing.assert_allclose(found.push_impulse, 10.0 * 5 * 0.02)
     assert found.push_step.tolist() == [[3], [4]]
@@ -143,7 +143,7 @@ def test_parts_of_a_cell_are_joined_in_the_order_of_their_episodes() -> None:
 
 
 class Kept:
-    """A store that has some parts of each cell already."""
+    """Store that already has some parts of each cell."""
 
     def __init__(self, *there: Sequence[int], failing: bool = False) -> None:
         self.there, self.failing = there, failing
@@ -183,7 +183,7 @@ def test_what_is_stored_is_not_simulated_again_and_the_rest_in_stretches_without
     of_trot = [task.episode_indices.tolist() for task in tasks if task.policy.label == "trot"]
     assert of_trot == [[0, 1], [4, 5, 6], [8, 9]]
     assert [task.seeds.tolist() for task in tasks][:3] == [[100, 101], [104, 105, 106], [108, 109]]
-    assert [each.policy for each in cells] == ["stand", "trot"]  # as they come
+    assert [each.policy for each in cells] == ["stand", "trot"]  # in the order of completion
     for each in cells:
         assert each.seeds.tolist() == list(range(100, 110))
     parts = [[8, 9], [4, 5, 6], [0, 1]]
@@ -227,9 +227,9 @@ def test_a_policy_runs_on_its_own_scenarios_alone_and_on_the_hardware_profile_as
 
 
 def test_another_rule_of_success_makes_successes_of_those_alone_that_follow_it() -> None:
-    """Errors are 0.1 m/s, and 0.05 or 0.2 m/s are allowed.
+    """The errors are 0.1 m/s, and 0.05 or 0.2 m/s are allowed.
 
-    A fall or a failure of the policy is no success, and earlier failures stay.
+    A fall or a failure of the policy is no success, and earlier failures remain.
     """
     found = cell(range(4))
     velocities = np.zeros((4, 1, 3))

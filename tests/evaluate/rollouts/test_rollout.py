@@ -1,4 +1,4 @@
-"""Rollouts: one episode an env, the same starts for every policy, nothing after a fall."""
+"""Rollouts: one episode per environment, equal initial states for every policy, and no data after a fall."""
 
 from dataclasses import fields, replace
 
@@ -18,11 +18,11 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 150
 PUSHED = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=1, impulse=20.0, window=(0.1, 0.4)))
-"""A push early enough to fell a standing robot within a short test."""
+"""Scenario with a push that is early enough to fell a standing robot within a short test."""
 
 
 class Watcher(Policy):
-    """Stands, and keeps every observation it was shown."""
+    """Standing policy that stores its observations."""
 
     name = "watcher"
 
@@ -75,7 +75,7 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
 
 
 def test_the_policy_is_shown_the_latest_observation() -> None:
-    """Step k's observation holds the velocity that step k−1's info reported, and the target sent in step k−1."""
+    """The observation of step k has the velocity in the info of step k−1 and the target of step k−1."""
     watcher = Watcher()
     episodes = rollout.run(watcher, "flat", evaluation_seeds(0, 3), steps=20)
     for step in range(1, 20):
@@ -170,7 +170,7 @@ def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy(
 
 
 class Failing(Watcher):
-    """Stands, and says from a call on that it has failed every robot."""
+    """Standing policy that reports a failure of every robot from a given call on."""
 
     def __init__(self, call: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Run in Drake: supported scenarios, refused options, messages, and reproducible episodes."""
+"""Runs in Drake: supported scenarios, refused options, messages, and reproducible episodes."""
 
 from dataclasses import asdict, replace
 from pathlib import Path

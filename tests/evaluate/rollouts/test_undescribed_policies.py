@@ -1,4 +1,4 @@
-"""A policy that says nothing of its observation is tried before its first evaluation, whatever its form."""
+"""A policy of any format without a specification of its observation is tested before its first evaluation."""
 
 from contextlib import closing
 from pathlib import Path
@@ -27,7 +27,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def warning(reference: Path | str, trust: bool = False) -> str | None:
-    """The line about a policy on SimpleQuad."""
+    """Return the warning about a policy on SimpleQuad."""
     with closing(ExternalPolicy(reference, trust=trust)) as policy:
         return diagnosis.warning(policy, "simple_quad")
 

@@ -1,4 +1,4 @@
-"""Workers: the same outcome as in one process, and nothing left running however the evaluation ends."""
+"""Worker processes give the results of one process, and end with the evaluation in every case."""
 
 import os
 import signal
@@ -28,14 +28,14 @@ STEPS = 110
 
 
 class Deadly(type(policies.make("stand"))):
-    """Kills the process that it is asked to act in."""
+    """Policy that kills its process in `act`."""
 
     def act(self, observation):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
 class Failing(type(policies.make("stand"))):
-    """Has a bug."""
+    """Policy that raises in `act`."""
 
     def act(self, observation):
         raise ZeroDivisionError("a bug")
@@ -57,7 +57,7 @@ def labelled(*names: str) -> list[LabelledPolicy]:
 
 @pytest.fixture(autouse=True)
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers even for so little."""
+    """Use workers for any number of episodes."""
     monkeypatch.setattr(workers, "MIN_PARALLEL_STEPS", 0)
 
 
@@ -107,7 +107,7 @@ def test_a_worker_that_cannot_be_begun_is_said_so_and_the_others_end(monkeypatch
 
 
 class Stuck(type(policies.make("stand"))):
-    """Never returns."""
+    """Policy that never returns from `act`."""
 
     def act(self, observation):
         threading.Event().wait()
@@ -120,7 +120,7 @@ def children(process: int) -> set[int]:
 
 
 def runs(process: int) -> bool:
-    """Return True if a process exists and is no zombie."""
+    """Return True if a process exists and is not a zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
@@ -130,7 +130,7 @@ def runs(process: int) -> bool:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 @pytest.mark.parametrize("stopped", [ZeroDivisionError, KeyboardInterrupt])
 def test_a_worker_that_never_returns_ends_with_an_error_and_with_ctrl_c(monkeypatch, stopped) -> None:
-    """An error of another worker is raised here, with its type; Ctrl-C comes from the check."""
+    """An error of another worker is raised with its type; Ctrl-C comes from the check."""
     monkeypatch.setattr(workers, "SHUTDOWN_TIMEOUT", 0.5)
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     both = [*tasks(LabelledPolicy("stuck", Stuck()))[:1], *tasks(LabelledPolicy("failing", Failing()))[:1]]
@@ -152,7 +152,7 @@ def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path, runni
     command = [sys.executable, "-m", "evaluate", "--policies", "trot", "stand", "--scenarios", "flat", "push"]
     command += ["--episodes", "256", "--threads", "2", "--out", str(tmp_path)]
     with running(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
+        while len(workforce := children(process.pid)) < 3:  # two workers and the resource tracker of Python
             assert process.poll() is None
             time.sleep(0.01)
         time.sleep(0.5)

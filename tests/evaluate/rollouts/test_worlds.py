@@ -30,7 +30,7 @@ def scenarios(*names: str, robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
 
 @pytest.fixture
 def soft(monkeypatch: pytest.MonkeyPatch) -> Robot:
-    """SimpleQuad's model with a maker's servos, softer than those that our controllers command."""
+    """Return SimpleQuad's model with built-in servos that are softer than the gains of the project's controllers."""
     robot = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
     monkeypatch.setattr(HardwareConfig, "robot_model", property(lambda _: robot))
     return robot

@@ -1,4 +1,4 @@
-"""Breaking points of falls with a known cause."""
+"""Breaking points of falls with known strengths."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,12 @@ EPISODES = 128
 
 
 def falls(severities: np.ndarray, strength: np.ndarray) -> np.ndarray:
-    """Episode i falls where the severity exceeds its strength: paired across levels, as a real robot's episodes are."""
+    """Return the falls: episode i falls if the severity exceeds its strength, so that levels are paired."""
     return severities[:, None] > strength
 
 
 def strengths(median: float, spread: float, seed: int = 0) -> np.ndarray:
-    """Log-logistic: the falls follow a psychometric curve of steepness 1 / spread."""
+    """Return log-logistic strengths: falls follow a psychometric curve of steepness 1 / spread."""
     return median * np.exp(np.random.default_rng(seed).logistic(0.0, spread, EPISODES))
 
 
@@ -24,7 +24,7 @@ def test_breaking_point_is_the_median_strength() -> None:
     point = breaking_point(PUSHES, falls(PUSHES, strengths(60.0, 0.2)))
     assert point.found == "crossed"
     assert point.severity50 == pytest.approx(60.0, rel=0.08)
-    assert point.ci == (50.0, 80.0)  # at 65 N·s 58 % fall, of 128: not shown to be more than half
+    assert point.ci == (50.0, 80.0)  # at 65 N·s, 58 % of 128 episodes fall: not significantly more than half
 
 
 def test_less_is_harder_where_the_levels_fall() -> None:
@@ -70,14 +70,14 @@ def test_severity_zero_is_no_disturbance() -> None:
 
 
 def test_levels_the_wrong_way_round_become_one() -> None:
-    """60 % at 35 and 40 % at 65 N·s are 50 % at their geometric mean; 0 and 1 stay where they are."""
+    """60 % at 35 and 40 % at 65 N·s are pooled to 50 % at their geometric mean; 0 and 1 stay unchanged."""
     severities, rates = monotone_curve(np.array([20.0, 35.0, 65.0, 80.0, 100.0]), np.array([0.0, 0.6, 0.4, 1.0, 1.0]))
     assert severities == pytest.approx([20.0, np.sqrt(35.0 * 65.0), 80.0, 100.0])
     assert rates == pytest.approx([0.0, 0.5, 1.0, 1.0])
 
 
 def test_the_line_between_two_levels_is_straight_over_the_logarithm() -> None:
-    """10 of 40 at 50, 30 of 40 at 72 N·s: one half lies at √(50 · 72) = 60; both are shown, by 0.1 %."""
+    """10 of 40 at 50 and 30 of 40 at 72 N·s: one half is at √(50 · 72) = 60; both levels are within 0.1 %."""
     fell = np.zeros((3, 40), bool)
     fell[1, :10], fell[2, :30] = True, True
     point = breaking_point(np.array([20.0, 50.0, 72.0]), fell)
@@ -86,7 +86,7 @@ def test_the_line_between_two_levels_is_straight_over_the_logarithm() -> None:
 
 
 def test_a_breaking_point_lies_within_its_interval() -> None:
-    """6 of 24 at 1 and 5 at 10 become one level at √10, from which the line to 24 at 11 would cross one half at 4.9."""
+    """6 of 24 at 1 and 5 at 10 are pooled at √10; the line from there to 24 at 11 would cross one half at 4.9."""
     fell = np.array([np.arange(24) < count for count in (6, 5, 24)])
     point = breaking_point(np.array([1.0, 10.0, 11.0]), fell)
     assert point.ci == (10.0, 11.0)
@@ -94,8 +94,10 @@ def test_a_breaking_point_lies_within_its_interval() -> None:
 
 
 def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
-    """Of 20 episodes, 5 are significantly fewer than half (P = 0.021), 6 are not (0.058), and 15 are significantly
-    more."""
+    """The tests are exact: 5 of 20 episodes are significantly fewer than half (P = 0.021), 6 are not (0.058).
+
+    15 of 20 episodes are significantly more than half.
+    """
     fails = (0, 5, 6, 5, 14, 15, 20)
     failed = np.array([np.arange(20) < count for count in fails])
     assert bracket_levels(failed) == (1, 5)
@@ -103,7 +105,10 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
 
 
 def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
-    """With 24 episodes P(7 or fewer) = 0.032 is not significant, P(6 or fewer) = 0.011 is; 17 and 18 mirror them."""
+    """With 24 episodes, P(7 or fewer) = 0.032 is not significant and P(6 or fewer) = 0.011 is.
+
+    17 and 18 mirror them.
+    """
     failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
     assert bracket_levels(failed) == (0, 3)
     failed = np.array([np.arange(24) < count for count in (0, 6, 18, 24)])

@@ -1,4 +1,4 @@
-"""The group-sequential test spends the error rate that it says, and looks at pairs."""
+"""The group-sequential test keeps its error rate, and tests adjacent pairs."""
 
 import numpy as np
 import pytest
@@ -72,22 +72,24 @@ def test_neighbours_are_compared_pair_by_pair_from_the_best_on() -> None:
 
 
 def by_a_point(more: int, pairs: int) -> dict[str, np.ndarray]:
-    """Return the scores of two policies; the first is one point better in `more` of the episodes, else one point
-    worse."""
+    """Return the scores of two policies.
+
+    The first score is one point better in `more` of the episodes, else one point worse.
+    """
     return {"first": np.repeat([1.0, -1.0], [more, pairs - more]), "second": np.zeros(pairs)}
 
 
 def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_last() -> None:
-    """Better in 18 of 24 episodes: p = 0.0227, between 0.045 / 8 of the first look and 0.0282 of the last."""
+    """Better in 18 of 24 episodes: p = 0.0227 is between 0.045 / 8 of the first analysis and 0.0282 of the last one."""
     (early,) = compare_adjacent_policies(by_a_point(18, 24), 96)
     assert early.p_value == pytest.approx(0.0227, abs=0.005)
     assert (early.distinguished, early.futile) == (False, False)
     (single,) = compare_adjacent_policies(by_a_point(18, 24), 24)
-    assert single.distinguished  # of an only look, at 0.045
+    assert single.distinguished  # the only analysis, at 0.045
 
 
 def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
-    """Better in 47 of 72 episodes: p = 0.0128, between 0.0195 of two policies and 0.00935 of three."""
+    """Better in 47 of 72 episodes: p = 0.0128 is between 0.0195 of two policies and 0.00935 of three policies."""
     pair = by_a_point(47, 72)
     assert compare_adjacent_policies(pair, 96)[0].distinguished
     first, last = compare_adjacent_policies(pair | {"third": pair["second"] - 5.0}, 96)
@@ -96,7 +98,7 @@ def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
 
 
 def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
-    """Better in 26 of 48 episodes, p = 0.665: the probability at 96 is 5.6 % by the last level, 0.0282.
+    """Better in 26 of 48 episodes, p = 0.665: the predictive power at 96 is 5.6 % at the last level, 0.0282.
 
     By the level of the present interim analysis, 0.0121, it would be 2.9 %. With 25 of 48, p = 0.885, it is 2.3 %.
     """
@@ -106,8 +108,11 @@ def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
 
 
 def test_the_chance_of_the_last_look_is_the_predictive_power_by_hand() -> None:
-    """Φ((z − z₁ √t) / √(1 − t)), z and z₁ of the half p-values. For p = 0.04, level 0.03 and t = ½: (2.0537 − 2.1701 ·
-    0.70711) / 0.70711 = 0.7343. For p = 0.2 and t = ¼: (1.2816 − 1.0850) / 0.86603 = 0.2269."""
+    """The power is Φ((z − z₁ √t) / √(1 − t)), with z and z₁ of the halved p-values.
+
+    For p = 0.04, level 0.03 and t = ½: (2.0537 − 2.1701 · 0.70711) / 0.70711 = 0.7343. For p = 0.2 and t = ¼: (1.2816 −
+    1.0850) / 0.86603 = 0.2269.
+    """
     assert predictive_power(0.04, 0.5, 0.03) == pytest.approx(0.7686, abs=1e-4)
     assert predictive_power(0.2, 0.25, 0.03) == pytest.approx(0.5897, abs=1e-4)
     assert predictive_power(1.0, 0.5, 0.03) == pytest.approx(ndtr(-2.1701), abs=1e-5)  # p = 1: z = 0

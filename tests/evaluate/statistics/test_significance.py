@@ -1,4 +1,4 @@
-"""Tests against hand counts, scipy and statsmodels."""
+"""Significance tests, compared with hand counts, scipy and statsmodels."""
 
 import itertools
 
@@ -28,9 +28,9 @@ def test_mcnemar_looks_at_disagreements_alone() -> None:
 
 
 def test_sign_flips_of_few_pairs_by_hand() -> None:
-    # Of the 8 flips of (1, 2, 3) only +++ and −−− reach |sum| = 6.
+    # Of the 8 sign flips of (1, 2, 3) only +++ and −−− give |sum| = 6.
     assert sign_flip_test(np.array([1.0, 2.0, 3.0])) == pytest.approx(2 / 8)
-    # 0.1 + 0.2 − 0.3 and its kin differ from each other in the last bits; on paper they are equal.
+    # 0.1 + 0.2 − 0.3 and its permutations differ in the last bits; the exact sums are equal.
     assert sign_flip_test(np.array([0.1, 0.2, 0.3, 0.1])) == pytest.approx(2 / 16)
 
 
@@ -51,7 +51,10 @@ def test_random_sign_flips_have_the_chances_of_all_of_them() -> None:
 
 
 def test_the_observed_flip_is_counted_with_the_random_ones(monkeypatch) -> None:
-    """499 of 9999 and itself are 500 of 10 000; of 5 more are drawn: 5 + 12 of 99 999, and itself."""
+    """499 of 9999 flips and the observed one are 500 of 10 000.
+
+    With 5, more flips are drawn: 5 + 12 of 99 999, plus one.
+    """
     drawn = iter([499, 10, 9, 8])
     monkeypatch.setattr(significance, "_flips_as_large", lambda *_: next(drawn))
     many = np.linspace(1.0, 2.0, 20)
@@ -61,7 +64,7 @@ def test_the_observed_flip_is_counted_with_the_random_ones(monkeypatch) -> None:
 
 
 def test_sums_that_are_equal_on_paper_count_as_equal() -> None:
-    """Sums of tenths differ in their last bits by the order of summation; sums of whole numbers do not."""
+    """Sums of tenths differ in their last bits by the order of summation; sums of integers do not."""
     signs = np.array(list(itertools.product((1, -1), repeat=9)))
     for seed in range(60):
         tenths = np.random.default_rng(seed).integers(-4, 10, 9)
@@ -70,14 +73,14 @@ def test_sums_that_are_equal_on_paper_count_as_equal() -> None:
 
 
 def test_a_small_p_value_is_resolved_further() -> None:
-    # Of the 2¹⁶ flips only the observed one and its opposite reach the sum; 9999 flips could not tell this from 1e-4.
+    # Only the observed flip and its opposite of 2¹⁶ reach the sum; 9999 random flips could not separate this from 1e-4.
     assert 1e-5 <= sign_flip_test(np.linspace(1.0, 2.0, 16)) < 9e-5
 
 
 def test_weighted_holm_by_hand() -> None:
-    """0.01 of weight 0.2 is 0.05 of 1, before 0.06 of weight 0.5, which is 0.12 of 0.8, and 0.3 of weight 0.3."""
+    """The order is 0.01 / 0.2 of weight 1, then 0.06 / 0.5 of 0.8, then 0.3 / 0.3 of 0.3."""
     assert holm([0.06, 0.01, 0.3], [0.5, 0.2, 0.3]) == pytest.approx([0.096, 0.05, 0.3])
-    assert holm([0.02, 0.02], [0.9, 0.1]) == pytest.approx([0.02 / 0.9] * 2)  # 0.2 of the 0.1 left are less
+    assert holm([0.02, 0.02], [0.9, 0.1]) == pytest.approx([0.02 / 0.9] * 2)  # 0.02 / 0.1 of the remaining 0.1 is less
 
 
 def test_holm_by_hand() -> None:

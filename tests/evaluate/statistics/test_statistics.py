@@ -1,4 +1,4 @@
-"""Intervals against published values, scipy's and hand counts."""
+"""Confidence intervals, compared with published values, scipy and hand counts."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_bootstrap_interval_is_scipys() -> None:
 
 @pytest.mark.parametrize(("pairs", "tail"), [(12, 0.010757), (128, 0.023484)])
 def test_difference_interval_has_students_tails(monkeypatch, pairs, tail) -> None:
-    """With 12 pairs t is 2.20099 instead of 1.96, and the variance is 12 / 11: tails of Φ(−2.29885) = 1.0757 % each."""
+    """With 12 pairs, t is 2.20099 instead of 1.96, and the variance is 12 / 11: each tail is Φ(−2.29885) = 1.0757 %."""
     evenly = np.linspace(0.0, 1.0, 100_001)
     monkeypatch.setattr(intervals, "_resampled_sums", lambda values, *_: evenly * len(values))
     assert difference_interval(np.arange(float(pairs))) == pytest.approx((tail, 1.0 - tail), abs=2e-6)
@@ -63,7 +63,7 @@ def test_a_bootstrap_interval_is_moved_twice_by_its_bias(monkeypatch) -> None:
 
 
 def test_values_that_differ_by_rounding_alone_agree() -> None:
-    """0.1 + 0.2 and 0.3: an interval by resamples would be a point."""
+    """For the values 0.1 + 0.2 and 0.3, a bootstrap interval would be a point."""
     alike = np.tile([0.1 + 0.2, 0.3], 12)
     for interval in (bootstrap_interval, difference_interval):
         low, high = interval(alike, (0.0, 1.0))
@@ -76,7 +76,7 @@ def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
     counts = np.concatenate(blocks)
     assert counts.shape == (101 if size < 100_000 else 3, size)
     assert (counts.sum(axis=1) == size).all()
-    # The share of values that a resample leaves out is (1 - 1/n)^n.
+    # A resample omits the share (1 - 1/n)^n of the values.
     assert (counts == 0).mean() == pytest.approx((1 - 1 / size) ** size, abs=0.03)
 
 
@@ -102,7 +102,7 @@ def test_no_share_lies_outside_0_and_1() -> None:
 
 
 def test_mean_share_interval_is_wilsons_with_the_number_of_trials_that_vary_as_much() -> None:
-    """Twelve of 24: 23 trials, times (1.95996 / 2.06866)² = 0.89767 for Student's t. Half shares vary a quarter."""
+    """Twelve of 24 are 23 trials times (1.95996 / 2.06866)² = 0.89767 for Student's t; half shares vary a quarter."""
     shares = np.repeat([0.0, 1.0], 12)
     assert mean_proportion_interval(shares) == pytest.approx(wilson_interval(0.5 * 20.6465, 20.6465), abs=1e-5)
     halves = 0.25 + shares / 2.0

@@ -17,12 +17,12 @@ RESTING = {State.STAND, State.WALK, State.RUN}
 
 
 def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
-    """Observation (n, k) of a robot leaning sideways, `up` its tilt's cosine."""
+    """Return the observation, (n, k), of a robot that leans sideways; `up` is the cosine of its tilt."""
     motion = {"angular_velocity": turning, "linear_velocity": speed, "joint_position": joints, "command": command}
     return reading(n, projected_gravity=(0.0, np.sqrt(1.0 - up * up), -up), **motion)
 
 
-WITH = {  # a reading under which a guard holds, and steps to wait for it
+WITH = {  # observations under which a guard holds, and control steps until it does
     "in home pose": (seen(), 12),
     "toppling": (seen(up=0.2, turning=9.0), 1),
     "landed": (seen(), 95),
@@ -30,7 +30,7 @@ WITH = {  # a reading under which a guard holds, and steps to wait for it
     "late": (seen(up=0.9, turning=9.0), 900),
     "": (seen(up=0.9, turning=9.0), 1),
 }
-WITHOUT = {  # a reading under which it does not
+WITHOUT = {  # observations under which the guard does not hold
     "in home pose": seen(joints=0.5),
     "toppling": seen(),
     "landed": seen(speed=1.0),
@@ -123,7 +123,7 @@ events = st.one_of(
 @settings(max_examples=20)
 @given(st.lists(events, max_size=15), st.sampled_from(State))
 def test_random_commands_never_break_the_machine(script, start):
-    """Never in two states, never stuck, every change in the table."""
+    """The state is always exactly one of the table, every change is in the table, and no state lasts forever."""
     machine = BehaviourMachine(start)
     machine.reset(4)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}

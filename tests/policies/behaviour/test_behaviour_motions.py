@@ -23,13 +23,13 @@ def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():
 
 
 def lying(up, sideways=0.0, turning=0.0, joints=0.0):
-    """Observation (1, k)."""
+    """Return the observation of a lying robot, (1, k)."""
     gravity = (0.0, sideways, -up)
     return reading(1, projected_gravity=gravity, angular_velocity=turning, joint_position=joints).astype(np.float64)
 
 
 def phases(*scenes):
-    """Phases and targets of one robot that sees each of the scenes (observation, control steps) in turn."""
+    """Return the phases and joint targets of a robot that observes the scenes (observation, control steps) in turn."""
     motion, found, targets = Recovery(SIMPLE_QUAD, CONTROL_PERIOD), [], []
     motion.reset(1)
     motion.start(np.ones(1, bool), SIMPLE_QUAD.home_pose[None])
@@ -77,7 +77,7 @@ def test_starts_in_any_pose_have_every_orientation_alike_and_touch_the_ground():
     env = SimpleQuadVectorEnv(150, LYING, nthread=1, terminate_on_fall=False)
     observation, _ = env.reset(seed=episode_seeds("search", 4, 150).tolist())
     gravity = observation[:, :3].astype(np.float64)
-    # Uniform on the sphere: mean 0, covariance 1/3; six standard errors.
+    # Samples are uniform on the sphere: mean 0, covariance 1/3; the limit is six standard errors.
     assert np.abs(gravity.mean(axis=0)).max() < 6 * np.sqrt(1 / 3 / 150)
     np.testing.assert_allclose(np.cov(gravity.T), np.eye(3) / 3, atol=6 * 0.3 / np.sqrt(150))
     for robot in range(0, 150, 15):

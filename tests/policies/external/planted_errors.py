@@ -1,4 +1,4 @@
-"""Common errors in specifications of policies, written without the code that finds them."""
+"""Common errors in specifications of policies, independent of the code that finds them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +28,7 @@ def ends(described: PolicySpec) -> PolicySpec:
 
 
 def grouping(described: PolicySpec) -> PolicySpec:
-    """Order joints by leg instead of by kind, or the other way round, with their values in the right order."""
+    """Order joints by leg instead of by kind, or the reverse, and reorder their values accordingly."""
     joints = described.joints
     is_by_kind = joints[0].partition("_")[0] != joints[1].partition("_")[0]
     moved = [joints[4 * link + leg] for leg in range(4) for link in range(3)]
@@ -62,12 +62,12 @@ def _other_scale(described: PolicySpec, name: str, pair: tuple[float, float]) ->
 
 
 def turn_scale(described: PolicySpec) -> PolicySpec:
-    """Scale the angular velocity by 0.25 instead of 1, or the other way round."""
+    """Scale the angular velocity by 0.25 instead of 1, or the reverse."""
     return _other_scale(described, "angular_velocity", (0.25, 1.0))
 
 
 def speed_scale(described: PolicySpec) -> PolicySpec:
-    """Scale the joint velocities by 0.05 instead of 1, or the other way round."""
+    """Scale the joint velocities by 0.05 instead of 1, or the reverse."""
     return _other_scale(described, "joint_velocity", (0.05, 1.0))
 
 
@@ -104,7 +104,7 @@ def gains(described: PolicySpec) -> PolicySpec:
 
 
 def order_of_terms(described: PolicySpec) -> PolicySpec:
-    """Move the command to the end of the observation, or after gravity if it is there."""
+    """Move the command to the end of the observation, or after gravity if the command is already at the end."""
     (command,) = (term for term in described.terms if term.name == "command")
     (clock,) = (term for term in described.terms if term.name == "gait_clock")
     others = [term for term in described.terms if term.name not in ("command", "gait_clock")]
@@ -115,7 +115,7 @@ def order_of_terms(described: PolicySpec) -> PolicySpec:
 
 
 def positions(described: PolicySpec) -> PolicySpec:
-    """Observe joint positions from zero instead of the default position."""
+    """Observe absolute joint positions instead of positions relative to the default position."""
     other = "absolute_joint_position"
     return _terms(described, lambda term: replace(term, name=other) if term.name == "joint_position" else term)
 

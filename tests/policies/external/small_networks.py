@@ -1,4 +1,4 @@
-"""Small networks in the form of other projects' exporters, the same networks in NumPy, and their specifications."""
+"""Small networks in the format of other projects' exporters, equal networks in NumPy, and their specifications."""
 
 import warnings
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from policies.external.spec import PolicySpec, SpecTerm
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))
-"""Joint names of SimpleQuad in another project's words, by kind."""
+"""Joint names of SimpleQuad in the vocabulary of another project, by kind."""
 OBSERVED = tuple(f"{leg}_{link}_joint" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
 MIXED = (
     SpecTerm("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
@@ -25,7 +25,7 @@ MIXED = (
 
 
 def make_spec(network: Path, terms: tuple[SpecTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
-    """Return a specification with permuted joints and all different numbers."""
+    """Return a specification with permuted joints and numbers that all differ."""
     numbers = 1.0 + np.arange(12) / 10
     given = {
         "control_rate": 50.0,
@@ -41,7 +41,7 @@ def make_spec(network: Path, terms: tuple[SpecTerm, ...] = MIXED, **fields: Any)
 
 @dataclass
 class SmallNetwork:
-    """Weights of a network from `width` numbers to 12, with a memory if `lstm`."""
+    """Weights of a network with `width` inputs and 12 outputs, with a memory if `lstm`."""
 
     width: int
     lstm: bool = False
@@ -53,7 +53,7 @@ class SmallNetwork:
         self.last = random.normal(0.0, HIDDEN**-0.5, (HIDDEN, 12)).astype(np.float32)
 
     def make_act(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Return a function from one observation, (k,), to one action, (12,), with a fresh memory."""
+        """Return a function from one observation, (k,), to one action, (12,), with an empty memory."""
         state = {"hidden": np.zeros(HIDDEN), "cell": np.zeros(HIDDEN)}
 
         def act(seen: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ class SmallNetwork:
         return act
 
     def onnx(self, file: Path, batch: int | str = "n") -> Path:
-        """Write it as ONNX; an LSTM as rsl_rl exports it, with h_in, c_in -> h_out, c_out."""
+        """Write the network as ONNX; an LSTM has h_in, c_in -> h_out, c_out, as in rsl_rl's exporter."""
         from onnx import TensorProto, helper, numpy_helper
 
         def value(name: str, *shape: int | str) -> Any:
@@ -101,7 +101,7 @@ class SmallNetwork:
         return file
 
     def torchscript(self, file: Path) -> Path:
-        """Write it as TorchScript; an LSTM with its memory in buffers, as rsl_rl exports it."""
+        """Write the network as TorchScript; an LSTM keeps its memory in buffers, as in rsl_rl's exporter."""
         import torch
 
         from tests.policies.external import torch_modules

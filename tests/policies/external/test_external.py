@@ -1,4 +1,4 @@
-"""External policies: each loader, the calls of a policy, and failures that cost their own robots alone."""
+"""External policies: every loader, the calls of a policy, and failures that affect only their own robots."""
 
 import os
 import pickle
@@ -98,7 +98,7 @@ FAULTS = {
     "Short": ("return np.zeros(3)", "gave float64 of shape (3,), not numbers of shape (12,)"),
     "Nan": ("return np.full(12, np.nan)", "gave targets that are not finite"),
 }
-"""Action of a robot with a forward command in its third call, and the reason of the failure, by class."""
+"""Class -> its action in the third call of a robot with a forward command, and the reported reason of the failure."""
 WITHOUT_ANSWER = {"Hangs": ("time.sleep(60.0)",), "Ends": ("os._exit(3)",)}
 for name, (fault, *_) in (FAULTS | WITHOUT_ANSWER).items():
     FILE += f"\nclass {name}(Faulty):\n    def fault(self):\n        {fault}\n"
@@ -108,7 +108,7 @@ OTHERS = [0, 2]
 
 
 def small() -> dict[str, Any]:
-    """Arguments of a learner of Stable-Baselines3, which adds to them."""
+    """Return the arguments of a small learner of Stable-Baselines3; the learner modifies the dictionary."""
     return {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}}
 
 
@@ -208,13 +208,13 @@ class Whole(policies.Trot):
 
 
 def test_a_robot_that_its_policy_failed_is_moved_again_in_its_next_episode(tmp_path: Path) -> None:
-    """And fails again then, and is told of again; a robot that is not reset stays without actions."""
+    """The failed robot moves in its next episode, fails again there, and reports it again."""
     path = tmp_path / "passing.py"
     path.write_text(PASSING, encoding="utf-8")
     of = served(path, "Passing")
     told = {1: "raised ValueError: for once"}
     assert third_step(of)[1] == told
-    assert of.step(OBSERVATIONS).failures == {}  # told once
+    assert of.step(OBSERVATIONS).failures == {}  # a failure is reported once
     assert of.reset_where(np.array([True, False, False])) == {}
     assert not of.step(OBSERVATIONS).actions[1].any()
     assert of.reset_where(np.array([False, True, False])) == {}
@@ -252,7 +252,7 @@ def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_
         began = time.monotonic()
         policy.act(observations)
         assert policy.failure.tolist() == ["gave no answer within 1 s"] * robots
-        assert time.monotonic() - began < 20.0  # a bound for a busy machine
+        assert time.monotonic() - began < 20.0  # the bound holds on a busy machine
 
 
 def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together(
@@ -355,7 +355,7 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
 
 @pytest.fixture(scope="module")
 def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
-    """A model that was trained on normalised observations, `model.zip`, and its joint targets."""
+    """Return a model that was trained on normalised observations, `model.zip`, and its joint targets."""
     folder = tmp_path_factory.mktemp("normalised")
     env = VecNormalize(DummyVecEnv([lambda: HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)]))
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, **small()).learn(128)
@@ -485,7 +485,7 @@ def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_st
 
 
 def test_a_script_without_a_guard_has_its_policy(file: Path, tmp_path: Path) -> None:
-    """The policy's process does not run the script again, which would begin another one, and so on."""
+    """The policy's process does not run the main script again, which would start processes without end."""
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np, policies\n"
@@ -505,7 +505,7 @@ def test_a_script_without_a_guard_has_its_policy(file: Path, tmp_path: Path) -> 
 def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_hangs(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The clock of the limits stands still while the process waits: here it says so all the time."""
+    """The deadline excludes the time that the process waits for a processor; here the whole time counts as waiting."""
     deadlines(monkeypatch, act=0.02, grace=0.0)
     with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)

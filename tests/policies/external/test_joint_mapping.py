@@ -74,8 +74,8 @@ def test_angles_are_those_of_the_makers_model_whatever_its_axes_and_references(t
 
 
 def test_angles_speeds_and_targets_go_over_and_back_by_places_signs_and_zeros() -> None:
-    """The policy's joint i is the robot's joint `places[i]`; its angle is zero + sign * the policy's."""
-    places = np.array([3, 0, 7, 11, 1, 2, 10, 4, 5, 6, 9, 8])  # not its own inverse
+    """Joint i of the policy is joint `places[i]` of the robot; the robot's angle is zero + sign * policy's angle."""
+    places = np.array([3, 0, 7, 11, 1, 2, 10, 4, 5, 6, 9, 8])  # a permutation that is not its own inverse
     signs, zeros = np.where(np.arange(12) % 3 == 0, -1.0, 1.0), 0.1 * np.arange(12)
     joints = JointMapping(places, signs, zeros)
     robots = np.stack((10.0 + np.arange(12), -np.arange(12.0)))

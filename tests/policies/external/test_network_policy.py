@@ -1,4 +1,4 @@
-"""Network policies act like a direct computation, robot by robot, in any batch."""
+"""Network policies give the targets of a direct computation, for each robot, in any batch."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,13 +24,13 @@ WIDTH = sum(term.width * term.history for term in MIXED)
 
 
 def place(joint: str) -> int:
-    """Of a joint by its name among SimpleQuad's."""
+    """Return the index of a joint among the joints of SimpleQuad, by its name."""
     leg, link, _ = joint.split("_")
     return 3 * LEGS[leg] + LINKS[link]
 
 
 class Direct:
-    """Direct computation of a robot's targets for the terms MIXED with three steps of history."""
+    """Direct computation of a robot's joint targets for the terms MIXED with a history of three steps."""
 
     def __init__(self, description: PolicySpec, act: Callable[[np.ndarray], np.ndarray]) -> None:
         self.d, self.act = description, act
@@ -73,7 +73,7 @@ class Direct:
 
 
 def walk(robots: int = ROBOTS) -> np.ndarray:
-    """Observations (steps, n, 48)."""
+    """Return random observations, (steps, n, 48)."""
     random = np.random.default_rng(1)
     rows = random.normal(0.0, 0.5, (STEPS, robots, 48)).astype(np.float32)
     gravity = rows[:, :, OBSERVATION["projected_gravity"]] + (0.0, 0.0, -2.0)
@@ -82,12 +82,12 @@ def walk(robots: int = ROBOTS) -> np.ndarray:
 
 
 def restarted(step: int) -> np.ndarray:
-    """Robots that begin again before that step: one after an even and one after an odd number of steps."""
+    """Return True for the robot that is reset before a step: one after an even and one after an odd number of steps."""
     return np.arange(ROBOTS) == {13: 1, 20: 3}.get(step, -1)
 
 
 def acted(policy: NetworkPolicy, rows: np.ndarray, *, restarts: bool = False) -> np.ndarray:
-    """Actions over a walk, (steps, n, 12)."""
+    """Return the actions on a sequence of observations, (steps, n, 12)."""
     policy.reset(rows.shape[1])
     found = []
     for step, observation in enumerate(rows):
@@ -98,7 +98,7 @@ def acted(policy: NetworkPolicy, rows: np.ndarray, *, restarts: bool = False) ->
 
 
 def network(kind: str, file: Path, numbers: SmallNetwork) -> Path:
-    """The network's file of that kind."""
+    """Write the network in a format, `kind`, and return the path."""
     if kind == "torchscript":
         pytest.importorskip("torch")
         return numbers.torchscript(file.with_suffix(".pt"))
@@ -187,7 +187,7 @@ def test_its_robot_has_the_gains_of_the_description_joint_by_joint(tmp_path: Pat
 def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_default_position(
     previous: Any, tmp_path: Path
 ) -> None:
-    """By as much as the offset is off it at the first step, when nothing has been acted before, joint by joint."""
+    """The first targets, before any action, differ from the default position by the action offset, joint by joint."""
     file = SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx")
     offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(make_spec(file).default_position))
     plain, shifted = (

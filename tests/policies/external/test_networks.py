@@ -1,4 +1,4 @@
-"""Networks of specifications: batches, memories, and files that are no networks."""
+"""Networks of specifications: batches, memories, and files that contain no network."""
 
 import warnings
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def rows() -> np.ndarray:
 
 
 def altered(file: Path, change: Callable[[Any], None]) -> Path:
-    """The ONNX file with its graph changed."""
+    """Return the path of the ONNX file after a change of its graph."""
     model = onnx.load(file)
     change(model.graph)
     file.write_bytes(model.SerializeToString())

@@ -1,4 +1,4 @@
-"""Observation terms against numbers computed by hand and against the simulation."""
+"""Observation terms equal numbers computed by hand and the values of the simulation."""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ def make_adapter(*wanted: SpecTerm, **fields: Any) -> ObservationAdapter:
 
 
 def standing(size: int = 48, **readings: Any) -> Floats:
-    """Return the observation of a standing robot with these readings, (1, k)."""
+    """Return the observation of a standing robot with the given readings, (1, k)."""
     row = np.zeros((1, size))
     for name, value in ({"projected_gravity": (0.0, 0.0, -1.0)} | readings).items():
         row[0, OBSERVATION[name]] = value
@@ -33,7 +33,7 @@ def standing(size: int = 48, **readings: Any) -> Floats:
 
 
 def observe_rows(of: ObservationAdapter, *rows: Floats) -> Floats:
-    """Return the policy's observation after these control steps of a robot, (k,)."""
+    """Return the policy's observation after the given control steps of one robot, (k,)."""
     for row in rows:
         of.update_state(row)
         shown = of.observe(row, np.array([0]))
@@ -89,14 +89,14 @@ def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
         of.update_state(row)
         shown = of.observe(row, np.arange(2))
         true = step.infos["foot_contact"] > 0
-        agreed.append(shown == true[:, [2, 1, 3, 0]])  # as `JOINTS` has the legs
+        agreed.append(shown == true[:, [2, 1, 3, 0]])  # legs in the order of `JOINTS`
 
     roll_out(policies.make("mpc_wbc"), "flat", np.array([0, 1]), compare, steps=140)
     assert np.mean(agreed[40:]) > 0.9
 
 
 def test_a_clock_is_at_zero_at_the_first_step() -> None:
-    # The seventh step of 50 Hz is 6 * 20 ms after the first, and 2 Hz are 0.24 cycles then.
+    # At 50 Hz the seventh step is 6 * 20 ms after the first one; a clock of 2 Hz is at 0.24 cycles then.
     shown = observe_rows(make_adapter(SpecTerm("gait_clock", clock=2.0)), *[standing(command=(0.5, 0.0, 0.0))] * 7)
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
@@ -115,7 +115,7 @@ def test_a_clock_that_is_zero_at_small_commands_goes_on_meanwhile(
 
 
 def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of_their_own() -> None:
-    """The second of three acts twice, and then all: clocks at 1, 3 and 1 of 50 Hz, 0.04 of a cycle each."""
+    """The second robot acts twice, then all three act: the clocks are at 1, 3 and 1 steps of 0.04 cycles."""
     of = make_adapter(SpecTerm("gait_clock", clock=2.0, history=2), SpecTerm("previous_action", history=2))
     of.reset(3)
     of.action[:] = np.array([1.0, 2.0, 3.0])[:, None]
@@ -141,7 +141,7 @@ def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of
     [("last", [5.0, 6.0, 7.0, 0.7]), ("first", [7.0, 6.0, 5.0, 0.7])],
 )
 def test_terms_may_have_histories_of_different_lengths(newest: Any, expected: list[float]) -> None:
-    """The last three of one and the present one of another: the forward command, and a part of the velocity."""
+    """The observation has the last three forward commands and only the present angular velocity."""
     of = make_adapter(SpecTerm("command", history=3), SpecTerm("angular_velocity"), history_newest=newest)
     rows = [standing(command=(step, 0.0, 0.0), angular_velocity=(0.1 * step, 0.0, 0.0)) for step in range(8)]
     np.testing.assert_allclose(observe_rows(of, *rows)[::3], expected, atol=1e-6)
@@ -149,7 +149,7 @@ def test_terms_may_have_histories_of_different_lengths(newest: Any, expected: li
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_scan_reaches_as_far_as_its_points_whichever_side_they_are_on(side: float) -> None:
-    """Points 0.1 and 0.2 m aside, ahead and behind."""
+    """The points of the grid are 0.1 and 0.2 m to a side, ahead and behind."""
     of = make_adapter(SpecTerm("height_scan", grid=HeightGrid((-0.1, 0.3), (0.1 * side, 0.2 * side))))
     scan = of.height_scan
     assert scan is not None

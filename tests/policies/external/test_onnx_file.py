@@ -1,4 +1,4 @@
-"""ONNX files: from one observation to one action, and the residual with its base."""
+"""ONNX files: a network from one observation to one action, and the export of a residual policy with its base."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def served(file: Path) -> PolicyServer:
 
 
 def linear(file: Path, shape: list[int | str], *, width: int = 12, inputs: int = 1) -> np.ndarray:
-    """Write `observation @ weights` for observations of that shape; the weights."""
+    """Write a network `observation @ weights` for observations of a shape, and return the weights."""
     weights = np.random.default_rng(0).standard_normal((OBSERVATION_SIZE, width)).astype(np.float32) / 100
     kind = onnx.TensorProto.FLOAT
     seen = [onnx.helper.make_tensor_value_info(f"seen{number}", kind, shape) for number in range(inputs)]

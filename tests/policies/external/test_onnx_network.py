@@ -1,4 +1,4 @@
-"""Inputs and outputs of ONNX files are found by name, in any order; ambiguous names are refused."""
+"""Inputs and outputs of ONNX files are identified by name, in any order; ambiguous names are refused."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ def altered(
     renamed: dict[str, str] | None = None,
     inputs: Sequence[str] | None = None,
 ) -> Path:
-    """Write a network with its outputs in this order; unknown outputs are noise of the action's shape."""
+    """Write a network with its outputs in a given order; unknown outputs are constants of the action's shape."""
     model = onnx.load(numbers.onnx(file))
     graph = model.graph
     known = {each.name: each for each in graph.output}
@@ -53,7 +53,7 @@ def altered(
 
 
 def check(file: Path, numbers: SmallNetwork) -> None:
-    """Check that it gives the network's actions, step by step."""
+    """Check that the file gives the network's actions, step by step."""
     make, has_memory = onnx_network.make_network_factory(onnx_network.open_session(file), file)
     act, expected = make(), numbers.make_act()
     assert has_memory == numbers.lstm

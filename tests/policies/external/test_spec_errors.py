@@ -1,4 +1,4 @@
-"""Corrections of a specification with one common error, name by name and value by value."""
+"""Corrections of a specification that has one common error, for joint names and for joint values."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from quad_env import SIMPLE_QUAD
 BY_KIND = tuple(f"{leg}_{link}" for link in ("hip", "thigh", "calf") for leg in ("FL", "FR", "RL", "RR"))
 BY_LEG = tuple(f"{leg}_{link}" for leg in ("FL", "FR", "RL", "RR") for link in ("hip", "thigh", "calf"))
 COUNT = tuple(float(number) for number in range(1, 13))
-"""A different value for each joint."""
+"""Value that is different for each joint."""
 TERMS = (
     SpecTerm("linear_velocity"),
     SpecTerm("angular_velocity", (0.25,)),
@@ -48,7 +48,7 @@ def corrections_of(described: PolicySpec, mistake: str, count: int = 1) -> list[
 
 
 def test_joints_by_kind_become_joints_by_leg_and_their_figures_go_with_their_names() -> None:
-    """First the names alone; then with the figures of hips, 1 to 4, thighs, 5 to 8, and calves, 9 to 12, leg by leg."""
+    """The first correction changes only names; the second also reorders hips 1-4, thighs 5-8, calves 9-12 by leg."""
     names, together = corrections_of(description(observed_joints=BY_LEG), GROUPING)
     assert names.spec == replace(description(), joints=BY_LEG, observed_joints=BY_KIND)
     assert names.keys_to_correct == "`joints`"
@@ -89,7 +89,7 @@ def test_legs_that_are_exchanged_have_each_other_s_names(
 
 
 def test_two_mistakes_in_the_order_of_the_joints_are_undone_together() -> None:
-    """Isaac Lab's order, by kind from the left, as against Unitree's, by leg from the right."""
+    """Isaac Lab orders joints by kind from the left, Unitree by leg from the right."""
     names, _ = corrections_of(description(), f"{SIDES} and {GROUPING}", 2)
     expected = tuple(f"{leg}_{link}" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
     assert names.spec.joints == expected
@@ -144,5 +144,5 @@ def test_gains_are_tried_as_the_robot_s_own_and_far_off_in_the_order_of_the_join
 
 
 def replace_gains():  # type: ignore[no-untyped-def]
-    """A robot with different gains of all servos."""
+    """Return a robot with different gains for all servos."""
     return SIMPLE_QUAD.with_servo(300.0 + np.arange(12.0), 10.0 + 0.1 * np.arange(12.0))

@@ -1,5 +1,4 @@
-"""Policies named by files that describe them: what is read, what is trusted, what is refused, and what their digest
-covers."""
+"""Policies given by specification files: the fields that are read, trust, refusals, and the content of the digest."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -28,14 +27,14 @@ WIDTH = 15
 
 @pytest.fixture
 def description(tmp_path: Path) -> PolicySpec:
-    """That of an ONNX, written as policy.toml next to it."""
+    """Write the specification of an ONNX policy as policy.toml in its folder, and return the path."""
     made = make_spec(SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx"), TERMS)
     write_toml(made, tmp_path / "policy.toml")
     return made
 
 
 def first_actions(reference: PolicyReference, row: np.ndarray) -> np.ndarray:
-    """Return the policy's targets in its first control step."""
+    """Return the policy's targets of the first control step."""
     of = make_server(reference, SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     return of.step(row).actions

@@ -1,10 +1,10 @@
-"""Modules of torch as other projects export them."""
+"""Modules of torch in the form of other projects' exporters."""
 
 import torch
 
 
 class Plain(torch.nn.Module):
-    """Without memory."""
+    """Module without memory."""
 
     def __init__(self, width: int, hidden: int) -> None:
         super().__init__()
@@ -16,7 +16,7 @@ class Plain(torch.nn.Module):
 
 
 class Recurrent(torch.nn.Module):
-    """With a memory in buffers, as rsl_rl's exporter has it."""
+    """Module with a memory in buffers, as in rsl_rl's exporter."""
 
     def __init__(self, width: int, hidden: int) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class Recurrent(torch.nn.Module):
 
 
 class Counting(torch.nn.Module):
-    """Counts its calls in an attribute."""
+    """Module that counts its calls in an attribute."""
 
     def __init__(self, width: int) -> None:
         super().__init__()

@@ -1,9 +1,9 @@
-"""Networks that trot, as ONNX, and their true descriptions: fitted to `trot`, with feedback of their own.
+"""Networks that trot, as ONNX with correct specifications: fitted to `trot`, with additional feedback.
 
-At any phase the trot's targets are linear in the velocity that it is to have, and so are the networks', whose features
-of the clock are fitted by least squares. They steer by the velocity that they observe, if they do, level the trunk by
-gravity and the gyro, damp the joints, and smooth their actions by the previous ones: so wrong frames, signs, scales and
-orders cost them their way or their balance. Each has its own robot, order of joints and terms, scales, signs, rate and
+The trot's targets at a given phase are linear in the desired velocity. The networks use the same form, with clock
+features fitted by least squares. They correct the velocity error if they observe the velocity. They level the trunk by
+gravity and gyro, damp the joints, and smooth their actions. Wrong frames, signs, scales and orders therefore reduce
+their distance or their balance. Each network has its own robot, joint order, term order, scales, signs, rate and
 history.
 """
 
@@ -26,11 +26,11 @@ FEATURES, STEEP, STEPS, ROBOTS, SETTLED = 50, 4.0, 50, 40, 40
 
 @dataclass(frozen=True)
 class Style:
-    """Inputs and outputs of a network; joints in the robot's order unless said otherwise."""
+    """Inputs and outputs of a network. Joints are in the robot's order unless stated otherwise."""
 
     robot: str = "simple_quad"
     legs: tuple[int, ...] = (1, 0, 3, 2)
-    """Order of the legs in the order of the joints."""
+    """Order of the legs in the policy's joint order."""
     is_by_kind: bool = True
     terms: dict[str, tuple[float, ...]] = field(
         default_factory=lambda: {
@@ -43,24 +43,24 @@ class Style:
             "previous_action": (1.0,),
         }
     )
-    """Name and scale."""
+    """Term name -> scale."""
     action_scale: float = 0.25
     rate: float = 50.0
-    """Hz"""
+    """Control rate, Hz."""
     history: int = 1
-    """Steps, by time, the newest first."""
+    """Number of steps in the history, by time, newest first."""
     turned: tuple[int, ...] = ()
-    """Links, 0 to 2, with joints of the opposite direction."""
+    """Links, 0 to 2, with joints of reversed direction."""
     is_scaled: bool = False
     """True if the previous action is in rad."""
     default: float = 0.1
-    """Added to the home pose, rad."""
+    """Default position relative to the home pose, rad."""
     steering: float = 1.5
     """Gain on the velocity error, added to the command."""
     levelling: float = 0.5
     """Leg extension on the lower side, as a share of the full levelling of the trunk."""
     rate_levelling: float = 0.04
-    """The same of the trunk's angular velocity, s."""
+    """Leg extension per angular velocity of the trunk, as a share of the full levelling, s."""
     joint_damping: float = 0.003
     """Gain on the joint speeds, s."""
     smoothing: float = 0.2
@@ -68,7 +68,7 @@ class Style:
 
     @property
     def order(self) -> list[int]:
-        """The robot's joints in the order of the policy."""
+        """Return the robot's joints in the policy's order."""
         if self.is_by_kind:
             return [3 * leg + link for link in range(3) for leg in self.legs]
         return [3 * leg + link for leg in self.legs for link in range(3)]
@@ -112,11 +112,11 @@ MIRRORED = Style(
 )
 STYLES = {"levelled": LEVELLED, "remembering": REMEMBERING, "mirrored": MIRRORED}
 HEIGHT = 0.18
-"""m for gravity's size, by which the legs reach further."""
+"""m. Leg extension per unit of projected gravity, which balances the levelling."""
 
 
 def write(file: Path, style: Style = LEVELLED) -> PolicySpec:
-    """Write the network; its description."""
+    """Write the network and return its specification."""
     robot = get_robot(style.robot)
     trot = policies.make("trot", robot=robot)
     terms = [SpecTerm(name, scale, history=style.history) for name, scale in style.terms.items()]
@@ -144,19 +144,20 @@ def write(file: Path, style: Style = LEVELLED) -> PolicySpec:
 
 
 def _signs(style: Style) -> np.ndarray:
-    """Signs of the policy's joints relative to the robot's, (12,), in the robot's order."""
+    """Return the signs of the policy's joints relative to the robot's, (12,), in the robot's order."""
     return np.where(np.isin(np.arange(12) % 3, style.turned), -1.0, 1.0)
 
 
 def _scale(style: Style, name: str) -> np.ndarray:
-    """Scale of a term's values."""
+    """Return the scale of each value of a term."""
     width = 12 if name.startswith(("joint", "previous")) else 3
     return np.broadcast_to(style.terms[name], width)
 
 
 def _weights(trot: policies.Trot, style: Style, places: dict[str, np.ndarray], step: int) -> tuple[np.ndarray, ...]:
-    """Of the clock's features, of the velocity to have, of their products and of the observation itself, whose newest
-    step are its first numbers.
+    """Return the weights of the clock features, of the desired velocity, of their products and of the observation.
+
+    The newest step of the history is the first `step` numbers of the observation.
     """
     rng, robot = np.random.default_rng(0), trot.robot
     signs, width = _signs(style), step * style.history
@@ -193,7 +194,7 @@ def _weights(trot: policies.Trot, style: Style, places: dict[str, np.ndarray], s
 
 
 def _walked(trot: policies.Trot, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Phases (n,), velocities (n, 4), the last number 1, and targets (n, 12) of the trot at its settled commands."""
+    """Return phases (n,), velocities with a constant 1 (n, 4), and targets (n, 12) of the trot at settled commands."""
     commands = rng.uniform((-0.8, -0.6, -1.5), (1.2, 0.6, 1.5), (ROBOTS, 3))
     shown = np.zeros((ROBOTS, OBSERVATION_SIZE), np.float32)
     shown[:, OBSERVATION["command"]] = commands
@@ -204,7 +205,7 @@ def _walked(trot: policies.Trot, rng: np.random.Generator) -> tuple[np.ndarray, 
 
 
 def _reach(trot: policies.Trot) -> np.ndarray:
-    """How the joints of a standing leg move as its foot reaches 1 m further down, (4, 3), rad/m."""
+    """Return the change of the joint angles of a standing leg per downward motion of its foot, (4, 3), rad/m."""
     parameters, up, robot = trot.parameters, np.array((0.0, 0.0, 0.005)), trot.robot
     feet = np.full((4, 3), (parameters.stance_shift, 0.0, -parameters.body_height))
     feet[:, 1] = _side(robot) * robot.hip_offset

@@ -1,4 +1,4 @@
-"""What gaits do on flat ground, step by step: contacts, velocity, targets, and the figures that follow from them."""
+"""Gaits on flat ground, recorded in every control step: contacts, velocity, targets, and derived measures."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,53 +13,53 @@ from policies.gait_cycle import TURN
 from policies.gaits.policy import Gaits
 
 TARGET_RATE_LIMIT = 25.0
-"""No joint target moves faster, in a gait or between two, rad/s."""
+"""rad/s. Largest rate of a joint target, within a gait and between two gaits."""
 Contacts = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Strides:
-    """What n robots did at every control step; entries after a fall mean nothing."""
+    """Recorded steps of n robots; entries after a fall are meaningless."""
 
     commanded: Contacts
-    """Which feet were to be on the ground, (steps, n, 4)."""
+    """Commanded contacts of the feet, (steps, n, 4)."""
     measured: Contacts
-    """Which feet were, (steps, n, 4)."""
+    """Measured contacts of the feet, (steps, n, 4)."""
     phase: Floats
-    """The policy's clock, rad, (steps, n)."""
+    """Phase of the policy's clock, rad, (steps, n)."""
     duty: Floats
-    """Duty factor in force, (steps, n)."""
+    """Duty factor in use, (steps, n)."""
     clock_rate: Floats
-    """Gait cycles a second in force, Hz, (steps, n)."""
+    """Clock rate in use, cycles/s, (steps, n)."""
     offsets: Floats
-    """Phase offsets in force, rad, (steps, n, 4)."""
+    """Phase offsets in use, rad, (steps, n, 4)."""
     heading_velocity: Floats
-    """Forward and lateral m/s, yaw rate rad/s, (steps, n, 3)."""
+    """Forward and lateral velocity, m/s, and yaw rate, rad/s, heading frame, (steps, n, 3)."""
     targets: Floats
     """Joint targets, rad, (steps, n, 12)."""
     fell: NDArray[np.bool_]
-    """(n,)"""
+    """True for robots that fell, (n,)."""
 
     @property
     def target_rate(self) -> Floats:
-        """Fastest that any joint target of each robot moved, rad/s, (n,)."""
+        """Largest rate of any joint target of each robot, rad/s, (n,)."""
         return np.asarray(np.abs(np.diff(self.targets, axis=0)).max(axis=(0, 2)) / CONTROL_PERIOD)
 
     def since(self, step: int) -> "Strides":
-        """The same from that step on."""
+        """Return the record from a control step on."""
         return replace(self, **{name: value[step:] for name, value in vars(self).items() if name != "fell"})
 
     def of(self, robots: NDArray[np.bool_]) -> "Strides":
-        """The same of those robots, (n,) bool."""
+        """Return the record of some robots, (n,) bool."""
         theirs = {name: value[:, robots] for name, value in vars(self).items() if name != "fell"}
         return Strides(**theirs, fell=self.fell[robots])
 
     def duty_errors(self) -> Floats:
-        """Measured minus commanded duty factor of each foot, (n, 4)."""
+        """Return measured minus commanded duty factor of each foot, (n, 4)."""
         return np.asarray(duty_factors(self.measured) - self.duty.mean(axis=0)[:, None])
 
     def offset_errors(self) -> Floats:
-        """Measured minus commanded phase ahead of the first foot's, cycles, (n, 4); nan if a foot never landed."""
+        """Return the phase error of each foot relative to the first, cycles, (n, 4); nan if a foot never landed."""
         cycles = (self.phase[..., None] + self.offsets) % TURN / TURN
         landed = landings(self.measured, cycles, self.duty)
         commanded = (self.offsets[-1] - self.offsets[-1][:, :1]) / TURN
@@ -69,14 +69,14 @@ class Strides:
 def walked(
     policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 1
 ) -> Strides:
-    """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), watched by `observers`."""
+    """Run an episode of `policy` on flat ground for each seed, at constant commands (3,) or (n, 3)."""
     recorder = _StrideRecorder(policy, FallRecorder(len(seeds), steps))
     roll_out(policy, "flat", seeds, recorder, *observers, steps=steps, nthread=nthread, command=command)
     return recorder.strides()
 
 
 class _StrideRecorder:
-    """Observer that records what becomes `Strides`."""
+    """Observer that records `Strides`."""
 
     def __init__(self, policy: Gaits, falls: FallRecorder) -> None:
         self._policy, self._falls = policy, falls
@@ -100,23 +100,23 @@ class _StrideRecorder:
         self._record.append(entries)
 
     def strides(self) -> Strides:
-        """The finished record."""
+        """Return the complete record."""
         arrays: dict[str, Any] = {name: np.array([each[name] for each in self._record]) for name in self._record[0]}
         return Strides(**arrays, fell=self._falls.fell)
 
 
 def duty_factors(contacts: Contacts) -> Floats:
-    """Share of the time that each foot is on the ground, (..., 4), for contacts (steps, ..., 4)."""
+    """Return the share of time that each foot is in contact, (..., 4), from contacts (steps, ..., 4)."""
     shares: Floats = contacts.mean(axis=0)
     return shares
 
 
 def landings(contacts: Contacts, cycles: Floats, duty: Floats) -> Contacts:
-    """Control steps at which feet land, (steps, ..., 4), of contacts of that shape.
+    """Return the control steps at which feet land, (steps, ..., 4).
 
-    A landing is the first contact after a foot was in the air in the second half of its swing, so that a bounce within
-    the stance is none. `cycles` is each leg's place in its cycle, from 0 at the start of its swing up to 1,
-    (steps, ..., 4); `duty` the duty factor, (steps, ...).
+    A landing is the first contact after a foot was in the air in the second half of its swing. A bounce within the
+    stance is therefore no landing. `cycles` is the position of each leg in its cycle, from 0 at the start of its swing
+    up to 1, (steps, ..., 4). `duty` is the duty factor, (steps, ...).
     """
     swing_share = 1.0 - duty[..., None]
     late = (cycles >= 0.5 * swing_share) & (cycles < swing_share)
@@ -129,9 +129,10 @@ def landings(contacts: Contacts, cycles: Floats, duty: Floats) -> Contacts:
 
 
 def landing_offsets(landed: Contacts, phase: Floats) -> Floats:
-    """Phase of each leg ahead of the first one's by its mean landing, cycles from -1/2 to 1/2, (..., 4).
+    """Return the phase of each leg relative to the first leg, by mean landing, cycles in [-1/2, 1/2], (..., 4).
 
-    From landings (steps, ..., 4) and the clock (steps, ...), rad; nan for a foot that never landed.
+    Takes landings (steps, ..., 4) and the clock phase (steps, ...), rad. The result is nan for a foot that never
+    landed.
     """
     mean = (landed * np.exp(1j * phase)[..., None]).sum(axis=0)
     angle = np.where(mean == 0.0, np.nan, np.angle(mean))
@@ -139,5 +140,5 @@ def landing_offsets(landed: Contacts, phase: Floats) -> Floats:
 
 
 def wrapped(cycles: Floats) -> Floats:
-    """The same share of a cycle, from -1/2 up to 1/2."""
+    """Return the share of a cycle, wrapped to [-1/2, 1/2)."""
     return (cycles + 0.5) % 1.0 - 0.5

@@ -7,8 +7,8 @@ from policies.gait_cycle import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait,
 
 
 def test_swing_fills_what_the_duty_leaves():
-    # Duty 0.75: a quarter of the cycle in swing. At 1/8 of the cycle fl is half through its swing; fr, half a cycle
-    # ahead, is at 5/8, half through its stance from 2/8 to 8/8.
+    # Duty 0.75: swing takes a quarter of the cycle. At 1/8 cycle fl is half through its swing. fr is half a cycle
+    # ahead, at 5/8, and half through its stance from 2/8 to 8/8.
     cycle = Gait(TROT_OFFSETS, duty=0.75).legs(2.0 * math.pi / 8.0)
     assert cycle.swing.tolist() == [True, False, False, True]
     np.testing.assert_allclose(cycle.progress, [0.5, 0.5, 0.5, 0.5])

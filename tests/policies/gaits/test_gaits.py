@@ -22,26 +22,26 @@ from tests.policies.gaits.strides import TARGET_RATE_LIMIT, Strides, walked
 from tests.policies.readings import feet, reading
 
 LEGS = ("fl", "fr", "hl", "hr")
-# The bare path: nothing made up for, no feedback, an identity for the command map, 40 ticks a cycle.
+# The nominal path: no compensation, no feedback, an identity for the command map, 40 ticks a cycle.
 BARE = GaitParameters(
     frequency=2.5, frequency_rise=0.0, duty=0.6, duty_fall=0.0, body_height=0.4, stance_load=0.0, servo_lead=0.0
 )
 
 
 def bare(gait, **changes):
-    """A policy with the same bare numbers for all gaits that step."""
+    """Return a policy with the same nominal parameters for every stepping gait."""
     parameters = dict.fromkeys(OFFSETS, replace(BARE, **changes))
     return Gaits(gait, parameters=parameters)
 
 
 def steps(policy, command, count):
-    """Actions (count, n, 12) and swings (count, n, 4) at a held command."""
+    """Return actions (count, n, 12) and swing states (count, n, 4) at a constant command."""
     rows = [(policy.act(reading(policy.num_envs, command=command)), policy.swing) for _ in range(count)]
     return np.array([action for action, _ in rows], np.float64), np.array([swing for _, swing in rows])
 
 
 def touch_downs(swing):
-    """Control steps at which each leg of the first robot lands."""
+    """Return the control steps at which each leg of the first robot lands."""
     landed = swing[:-1, 0] & ~swing[1:, 0]
     return {leg: np.flatnonzero(landed[:, i]) for i, leg in enumerate(LEGS)}
 
@@ -49,12 +49,12 @@ def touch_downs(swing):
 @pytest.mark.parametrize(
     ("gait", "behind"),
     [
-        # Control steps after fl's landing, of a cycle of 40.
+        # Control steps between the landing of fl and the landing of the other legs; a cycle has 40 steps.
         ("trot", {"fr": 20, "hl": 20, "hr": 0}),
         ("pace", {"fr": 20, "hl": 0, "hr": 20}),
         ("bound", {"fr": 0, "hl": 20, "hr": 20}),
         ("pronk", {"fr": 0, "hl": 0, "hr": 0}),
-        ("walk", {"fr": 20, "hl": 30, "hr": 10}),  # hl, fl, hr, fr: a quarter of a cycle apart
+        ("walk", {"fr": 20, "hl": 30, "hr": 10}),  # order hr, hl, fr, fl: a quarter of a cycle between landings
     ],
 )
 def test_feet_land_in_the_order_that_the_gait_is_named_for(gait, behind):
@@ -81,7 +81,7 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
 
 
 def test_froude_number_by_hand():
-    # 0.5 m/s on 0.4 m; sqrt(0.3² + 0.4²) = 0.5 too; 1 rad/s about a hip at sqrt(0.25² + 0.15²) m.
+    # 0.5 m/s on 0.4 m; sqrt(0.3² + 0.4²) = 0.5 as well; 1 rad/s about a hip at sqrt(0.25² + 0.15²) m.
     command = np.array([[0.5, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(
         froude_number(SIMPLE_QUAD, command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4
@@ -130,7 +130,7 @@ def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first
     np.testing.assert_allclose(action, np.tile(SIMPLE_QUAD.home_pose, (16, 1)), atol=0.03)
     still = steps(policy, (0.4, 0.1, 0.2), 5)[0]
     assert (np.abs(still - still[0]) < 1e-6).all()
-    # A swing lasts its time: (1 - duty)/rate is 0.1 s in the stand's own steps and more in some gaits; none is cut off.
+    # A full swing takes (1 - duty)/rate: 0.1 s for the steps of the stand, and more in some gaits; none is shortened.
     padded = np.concatenate([np.array(swings), np.zeros((1, 16, 4), bool)])[100:]
     for robot, leg in np.ndindex(16, 4):
         edges = np.flatnonzero(np.diff(padded[:, robot, leg].astype(int)))
@@ -158,7 +158,7 @@ def test_offsets_go_the_shorter_way_and_arrive():
     for _ in range(round(CHANGE_TIME / 0.01)):
         policy.act(reading())
         seen.append(policy.offsets[0])
-    # hl from a quarter of a cycle to half of one, hr from three quarters to a whole one.
+    # hl swings from a quarter of a cycle to half of one, hr from three quarters to a whole one.
     np.testing.assert_allclose(np.ptp(seen, axis=0), [0.0, 0.0, np.pi / 2, np.pi / 2], atol=0.01)
     np.testing.assert_allclose(np.exp(1j * seen[-1]), np.exp(1j * np.array(OFFSETS["trot"])), atol=1e-6)
 

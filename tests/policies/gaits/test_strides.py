@@ -6,7 +6,7 @@ from tests.policies.gaits.strides import duty_factors, landing_offsets, landings
 
 
 def stepping(duty, offsets=WALK_OFFSETS):
-    """Contacts, places in the cycle, duty factors and clock of a gait with 40 control steps a cycle."""
+    """Return contacts, cycle positions, duty factors and clock phases of a gait with 40 control steps a cycle."""
     phase = 2.0 * np.pi * (np.arange(1000) + 0.5) / 40.0
     contacts = ~Gait(offsets, duty).legs(phase).swing
     return contacts, (phase[:, None] + np.array(offsets)) / (2.0 * np.pi) % 1.0, np.full(1000, duty), phase
@@ -24,7 +24,7 @@ def test_a_gaits_own_contacts_have_its_duty_and_its_offsets(duty):
 
 def test_a_foot_that_lands_late_is_behind_by_that_and_a_bounce_in_its_stance_is_no_landing():
     contacts, cycles, duties, phase = stepping(0.5, (0.0,) * 4)
-    contacts[20::40, 1] = False  # one control step late, a fortieth of a cycle
+    contacts[20::40, 1] = False  # one control step late: 1/40 of a cycle
     contacts[30::40, 2] = False
     contacts[:, 3] = False
     offsets = landing_offsets(landings(contacts, cycles, duties), phase)

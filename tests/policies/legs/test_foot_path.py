@@ -1,4 +1,4 @@
-"""Paths of feet over a cycle and to a foothold; by hand."""
+"""Paths of feet over a gait cycle and to a foothold, against numbers computed by hand."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ LEG = (0.0, 0.0, 0.0, 0.0)
 
 
 def path(fraction, duty):
-    """Stride and lift of one leg at a fraction of its cycle."""
+    """Return stride and lift of one leg at a fraction of its cycle."""
     cycle = Gait(LEG, duty).legs(2.0 * np.pi * fraction)
     return np.stack([stride_displacement(cycle, duty)[..., 0], swing_lift(cycle)[..., 0]], axis=-1)
 
 
 def test_landmarks_of_the_cycle_by_hand():
     swing = LegCycle(np.array([True, True, True, False, False]), np.array([0.0, 0.5, 0.75, 0.0, 0.25]))
-    # Duty 0.5, so slope -1 at both ends. At 3/4 of the swing: 27/16 - 27/32 - 1/2 = 11/32, plus 3/32 = 7/16.
+    # Duty 0.5: the slope is -1 at both ends. At 3/4 of the swing: 27/16 - 27/32 - 1/2 = 11/32, plus 3/32 = 7/16.
     np.testing.assert_allclose(stride_displacement(swing, 0.5), [-0.5, 0.0, 0.4375, 0.5, 0.25])
     np.testing.assert_allclose(swing_lift(swing), [0.0, 1.0, 0.5625, 0.0, 0.0])
 
@@ -51,7 +51,7 @@ def test_the_cycloid_is_a_rolling_circles_point_by_hand():
 
 
 def thrown(fraction, bounce=1.0):
-    """Hip height over a cycle of 0.5 s with a swing of 0.2 s."""
+    """Return the hip height over a cycle of 0.5 s with a swing of 0.2 s."""
     cycle = Gait(LEG, 0.6).legs(2.0 * np.pi * fraction)
     return hip_bounce(cycle, np.array(0.2), np.array(0.3), np.array(bounce))[..., 0]
 
@@ -66,7 +66,7 @@ def test_a_thrown_hip_flies_freely_and_rises_as_high_as_its_time_allows():
 
 def test_a_thrown_hip_has_no_jump_and_no_kink():
     h = 1e-6
-    for at in (0.4, 1.0):  # touch-down, lift-off
+    for at in (0.4, 1.0):  # at touch-down and at lift-off
         before, left, right, after = (thrown((at + k) % 1.0) for k in (-2 * h, -h, h, 2 * h))
         np.testing.assert_allclose(left, right, atol=1e-5)
         np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)

@@ -1,4 +1,4 @@
-"""The plane through footprints, and footprints that pass under a moving trunk, by hand."""
+"""Ground plane of the footprints, and footprints that pass under a moving trunk, by hand."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ def number(value):
 
 
 def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_quarters():
-    """By hand: z = h (1/4 + x/(4 a) + y/(4 a)) fits a stone of height h under the corner (a, a); ± h/4 remains."""
+    """A stone of height h under the corner (a, a) gives z = h (1/4 + x/(4 a) + y/(4 a)), with residuals of ±h/4."""
     a, h = 0.2, 0.08
     x, y = np.array([[a, a, -a, -a]]).T, np.array([[a, -a, a, -a]]).T
     prints = np.stack((x, y, np.array([[h, 0.0, 0.0, 0.0]]).T))

@@ -29,7 +29,7 @@ def test_home_pose_has_the_feet_right_below_the_thigh_joints():
 
 
 def test_positive_hip_angle_swings_a_left_leg_out_and_a_right_leg_in():
-    # The straight left leg's tip (0.1, -0.6) in the y-z plane, turned by 0.3 rad about +x; the right one's likewise.
+    # The tip of the straight left leg, (0.1, -0.6) in the y-z plane, at 0.3 rad about +x; the right leg mirrors it.
     feet = foot_positions(SIMPLE_QUAD, np.tile([0.3, 0.0, 0.0], (4, 1)))
     np.testing.assert_allclose(feet[0, 1:], [0.2728457729, -0.5436498728], atol=1e-9)
     np.testing.assert_allclose(feet[1, 1:], [0.0817784751, -0.6027539142], atol=1e-9)
@@ -37,7 +37,7 @@ def test_positive_hip_angle_swings_a_left_leg_out_and_a_right_leg_in():
 
 @given(legs)
 def test_inverse_of_forward_is_the_identity_for_feet_below_the_thigh_joint(joints):
-    joints[:, 2] = np.minimum(joints[:, 2], -1e-3)  # at the straight knee the angle is a square root of the length
+    joints[:, 2] = np.minimum(joints[:, 2], -1e-3)  # sqrt of the leg length near a straight knee
     below = drop_in_leg_plane(joints) > 1e-6
     np.testing.assert_allclose(
         joint_angles(SIMPLE_QUAD, foot_positions(SIMPLE_QUAD, joints))[below], joints[below], atol=1e-9
@@ -59,7 +59,7 @@ def test_target_too_far_becomes_the_straight_leg_towards_it():
 
 
 def test_target_inside_the_hip_offset_is_answered_with_its_nearest_point():
-    # 0.05 m from the hip axis, where the offset keeps the foot 0.1 m away: half way out on the same ray.
+    # 0.05 m from the hip axis; the offset keeps the foot 0.1 m away: twice the distance on the same ray.
     target = np.array([[-0.2, 0.03, -0.04]] * 4)
     np.testing.assert_allclose(
         foot_positions(SIMPLE_QUAD, joint_angles(SIMPLE_QUAD, target))[0], [-0.2, 0.06, -0.08], atol=1e-9
@@ -85,7 +85,7 @@ def test_leg_height_of_the_home_pose_is_that_of_the_robot():
     np.testing.assert_allclose(
         leg_height(SIMPLE_QUAD, gravity, SIMPLE_QUAD.home_pose[None]), SIMPLE_QUAD.home_height, atol=1e-9
     )
-    # Upside down the lowest foot is that far above the trunk's centre, less the foot itself.
+    # Upside down, the lowest foot is above the trunk's centre by that distance minus the foot radius.
     np.testing.assert_allclose(
         leg_height(SIMPLE_QUAD, -gravity, SIMPLE_QUAD.home_pose[None]), -SIMPLE_QUAD.home_height + 0.04, atol=1e-9
     )

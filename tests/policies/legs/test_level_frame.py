@@ -1,4 +1,4 @@
-"""The level frame against rotation matrices written out by hand."""
+"""The level frame equals rotation matrices written by hand."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ RNG = np.random.default_rng(4)
 
 
 def rotation(roll, pitch, yaw):
-    """From the base to the world frame: yaw about z, then pitch about y, then roll about x."""
+    """Return the rotation from base to world: yaw about z, then pitch about y, then roll about x."""
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])

@@ -1,4 +1,4 @@
-"""What a robot feels in its joints, against the forces that MuJoCo applies."""
+"""Contact forces and external wrenches estimated from joint torques, compared with the forces that MuJoCo applies."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ NO_LOAD = np.zeros((1, 6))
 
 
 class Trotting:
-    """The trot on flat ground, with a force on the trunk, world frame, N."""
+    """The trot on flat ground, with an external force on the trunk, world frame, N."""
 
     def __init__(self, force: tuple[float, float, float] = (0.0, 0.0, 0.0), yaw: float = 0.0) -> None:
         self.model = mujoco.MjModel.from_xml_path(str(SIMPLE_QUAD.mjcf))
@@ -59,7 +59,7 @@ class Trotting:
         return matrix.reshape(3, 3)
 
     def step(self) -> MotionState:
-        """A control period; `forces` are then the mean ones of the feet, world frame, N."""
+        """Simulate a control period; `forces` are then the mean contact forces of the feet, world frame, N."""
         self.target = self.policy.act(self.observation()).astype(np.float64)
         self.data.ctrl[:] = self.target
         self.forces = np.zeros((4, 3))
@@ -69,19 +69,19 @@ class Trotting:
         return compute_motion_state(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
 
     def contact_forces(self) -> np.ndarray:
-        """Of the ground on each foot, world frame, (4, 3), N."""
+        """Return the contact force of the ground on each foot, world frame, (4, 3), N."""
         forces, one = np.zeros((4, 3)), np.zeros(6)
         feet = {geom: foot for foot, leg in enumerate(SIMPLE_QUAD.leg_names) for geom in foot_geoms(self.model, leg)}
         for number, contact in enumerate(self.data.contact):
             for place, geom in enumerate(contact.geom):
                 if (foot := feet.get(int(geom))) is not None:
                     mujoco.mj_contactForce(self.model, self.data, number, one)
-                    sign = 1.0 if place == 1 else -1.0  # it acts on the second of the two
+                    sign = 1.0 if place == 1 else -1.0  # the contact force acts on the second geom
                     forces[foot] += sign * (contact.frame.reshape(3, 3).T @ one[:3])
         return forces
 
     def turned(self, vectors: np.ndarray) -> np.ndarray:
-        """World vectors in the level frame."""
+        """Rotate world vectors into the level frame."""
         ahead = self.rotation[:2, 0] / np.linalg.norm(self.rotation[:2, 0])
         cos, sin = ahead
         return vectors @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -125,7 +125,7 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
 
 @pytest.mark.parametrize("yaw_rate", [1.5, -1.5])
 def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
-    """m v ω, though its velocity in the frame that turns with it never changes."""
+    """The centripetal force is m v ω, although the velocity is constant in the rotating frame."""
     sense, speed = ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
     sense.reset(1)
     circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
@@ -139,7 +139,7 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
 
 
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
-    """35 N·s within 0.1 s: what is left of it a second later would lean the robot against nothing."""
+    """The push is 35 N·s within 0.1 s; a large remainder a second later would let the robot lean against nothing."""
     robot, sense = Trotting(), ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     largest = 0.0
     for step in range(250):
@@ -158,7 +158,7 @@ def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
     velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
     sense._estimate_friction(forces, velocity)
-    assert (sense.friction_estimate == parameters.friction).all()  # a foot that lands slides for a moment
+    assert (sense.friction_estimate == parameters.friction).all()  # a landing foot slides for a moment
     for _ in range(30):
         sense._estimate_friction(forces, velocity)
     assert sense.friction_estimate[0] == parameters.friction
@@ -173,11 +173,11 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     sense = ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     sense.wrench[:, :3] = 40.0, 10.0, -20.0
     now = Trotting().step()
-    # Nothing new is felt.
+    # No new contact is detected.
     tilted = now._replace(tilt=np.full((1, 2), 0.5), angular_velocity=np.array([[0.0, 0.0, yaw_rate]]))
     for _ in range(100):
         sense.estimate(tilted, NO_LOAD)
-    cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
+    cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # rotation of the level frame in a second
     world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
     np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)
 
@@ -198,8 +198,10 @@ def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
 
 
 def test_contact_is_known_on_motors_and_encoders() -> None:
-    """Of a walk on the hardware profile: feet that press on the ground within a control period, and feet in the air;
-    those that have left it in the period before are taken to stand as well, for the forces are of two periods."""
+    """On the hardware profile, contact of loaded feet is detected within a control period, and not in the air.
+
+    Feet that lifted off in the previous period may still count as standing, since the forces are means of two periods.
+    """
     real = hardware_profile(SIMPLE_QUAD)
     hardware = HardwareConfig(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
     policy, estimated, true = hardware.policy("mpc_wbc", on_hardware_profile=True), [], []

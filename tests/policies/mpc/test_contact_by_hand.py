@@ -1,4 +1,4 @@
-"""Contacts, lasting wrench and friction by hand, each robot's own."""
+"""Contacts, lasting wrench and friction of each robot, by hand."""
 
 from typing import Any
 
@@ -21,7 +21,10 @@ P = MpcParameters(touch_force=15.0, early_force=20.0)
 def states(
     legs: list[tuple[bool, float, bool, float, float]], new: bool = False, *, flies: bool = True
 ) -> ContactState:
-    """Of the four legs of one robot: whether each swings and how far it is, the same earlier, and its force."""
+    """Return the contact states of one robot.
+
+    Each leg is given by swing and progress now, swing and progress at the reading, and its force, N.
+    """
     swing, progress, swung, gone, force = (np.array([each]) for each in zip(*legs, strict=True))
     return classify_contacts(P, LegCycle(swing, progress), LegCycle(swung, gone), force, np.array([new]), flies=flies)
 
@@ -33,14 +36,14 @@ STANDS, FLIES = (False, 0.3, False, 0.2, 60.0), (True, 0.3, True, 0.2, 0.0)
     ("leg", "standing", "late", "landed"),
     [
         (STANDS, True, False, True),
-        ((False, 0.3, False, 0.2, 15.0), False, True, False),  # no more than the touch force: still on its way down
+        ((False, 0.3, False, 0.2, 15.0), False, True, False),  # at most the touch force: still on its way down
         ((False, 0.5, False, 0.4, 0.0), True, False, False),  # half of its stance is over
-        ((False, 0.1, True, 0.9, 0.0), True, False, False),  # it swung when the reading was taken
+        ((False, 0.1, True, 0.9, 0.0), True, False, False),  # the leg swung at the time of the reading
         (FLIES, False, False, False),
-        ((True, 0.8, True, 0.7, 21.0), True, False, True),  # it has landed early
-        ((True, 0.8, True, 0.6, 21.0), False, False, False),  # too early to land
+        ((True, 0.8, True, 0.7, 21.0), True, False, True),  # early landing
+        ((True, 0.8, True, 0.6, 21.0), False, False, False),  # too early for a landing
         ((True, 0.8, True, 0.7, 20.0), False, False, False),
-        ((True, 0.1, False, 0.9, 60.0), False, False, False),  # it stood when the reading was taken
+        ((True, 0.1, False, 0.9, 60.0), False, False, False),  # the leg stood at the time of the reading
     ],
 )
 def test_a_leg_stands_is_late_or_has_landed_by_its_cycle_and_its_force(
@@ -72,7 +75,7 @@ def test_the_gait_s_feet_bear_a_robot_that_nothing_else_bears_unless_its_gait_fl
 
 
 class Felt(ContactEstimator):
-    """Robots whose forces of the feet and whose wrenches are given."""
+    """Contact estimator with given contact forces and wrenches."""
 
     given: tuple[np.ndarray, np.ndarray]
 
@@ -91,14 +94,14 @@ def at(robots: int = 2, **readings: Any) -> MotionState:
 
 
 def firm(robots: int = 2, up: float = 60.0) -> np.ndarray:
-    """Return contact forces of two feet with that normal force each, N."""
+    """Return contact forces of two feet with the normal force `up` each, N."""
     forces = np.zeros((robots, 4, 3))
     forces[:, [0, 3], 2] = up
     return forces
 
 
 def test_a_wrench_is_at_first_a_mean_and_then_taken_in_by_its_time() -> None:
-    """1 / 5 of the first, 1 / 6 of the second; in the end 0.01 / (0.01 + 0.99) across and 0.01 / 0.2 up and down."""
+    """The first gains are 1 / 5 and 1 / 6, the last 0.01 / (0.01 + 0.99) horizontally and 0.01 / 0.2 vertically."""
     sense, wrench = felt(), np.array([[20.0, -10.0, -30.0, 1.0, 2.0, 3.0], [0.0] * 6])
     sense.given = firm(), wrench
     sense.estimate(at(), np.zeros((2, 6)))
@@ -126,8 +129,8 @@ def test_a_wrench_is_that_of_the_load_and_what_else_there_is_within_bounds() -> 
 @pytest.mark.parametrize(
     "silent",
     [
-        {"forces": firm(1, 29.0)},  # nobody stands firmly
-        {"forces": firm(1) * (np.arange(4) == 3)[:, None]},  # on one foot
+        {"forces": firm(1, 29.0)},  # no firm stance
+        {"forces": firm(1) * (np.arange(4) == 3)[:, None]},  # stance on one foot
         {"forces": firm(1, 300.0)},  # an impact
         {"gravity": (0.0, -0.21, -0.97)},  # rolled by more than 0.2 rad
         {"gravity": (0.21, 0.0, -0.97)},
@@ -144,8 +147,10 @@ def test_a_robot_that_does_not_stand_firmly_tells_nothing_and_the_other_does(sil
 
 
 def slid(ratios: list[float], speed: float = 0.5, up: float = 80.0, looks: int = 3, **fields: float) -> np.ndarray:
-    """What is relied on, (2,), after so many looks at feet of the second robot that slide with that share of their
-    vertical force along the ground; of 0.65 at first."""
+    """Return the friction estimates, (2,), after `looks` updates; both start at 0.65.
+
+    Feet of the second robot slide, each with its ratio of horizontal to vertical force.
+    """
     sense = ContactEstimator(SIMPLE_QUAD, MpcParameters(friction=0.65, **{"grip_memory": 1e6} | fields), 0.01)
     sense.reset(2)
     forces, velocity = np.tile([0.0, 0.0, up], (2, 4, 1)), np.zeros((2, 4, 3))
@@ -159,10 +164,10 @@ def slid(ratios: list[float], speed: float = 0.5, up: float = 80.0, looks: int =
 @pytest.mark.parametrize(
     ("ratios", "expected"),
     [
-        ([0.1], 0.65 - 0.3 * (0.65 - 0.07)),  # 0.7 of what it shows, 0.3 of that at each look
-        ([0.1, 0.4], 0.65 - 0.3 * (0.65 - 0.28)),  # of two feet the one that grips better
-        ([0.01], 0.65 - 0.3 * (0.65 - 0.05)),  # the least that is relied on
-        ([1.2], 0.65),  # more than was relied on
+        ([0.1], 0.65 - 0.3 * (0.65 - 0.07)),  # 0.7 of the ratio, approached by 0.3 in each update
+        ([0.1, 0.4], 0.65 - 0.3 * (0.65 - 0.28)),  # the larger ratio of two feet counts
+        ([0.01], 0.65 - 0.3 * (0.65 - 0.05)),  # the minimum friction estimate
+        ([1.2], 0.65),  # a larger ratio than the estimate has no effect
     ],
 )
 def test_what_is_relied_on_is_0_7_of_what_a_slip_shows(ratios: list[float], expected: float) -> None:
@@ -177,13 +182,13 @@ def test_a_foot_slides_at_its_third_look_where_it_is_pressed_and_fast() -> None:
 
 
 def test_a_slip_is_forgotten_in_the_stated_time() -> None:
-    """1 / 100 of what is missing in 10 ms, of a time constant of 1 s."""
+    """The estimate recovers 1 / 100 of its deficit in 10 ms, with a time constant of 1 s."""
     expected = 0.476 + 0.01 * (0.65 - 0.476)
     np.testing.assert_allclose(slid([0.1], grip_memory=1.0), [0.65, expected], atol=1e-6)
 
 
 def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> None:
-    """Of robots of 14.2 and 28.4 kg: force by mass, and moment less centre × force by the inertia."""
+    """For robots of 14.2 and 28.4 kg: force / mass, and (moment - centre × force) / inertia."""
     now = at(projected_gravity=[(0.0, 0.0, -1.0), (0.0, -np.sin(0.5), -np.cos(0.5))])
     bodies = now.bodies._replace(
         mass=np.array([14.2, 28.4]),
@@ -194,12 +199,12 @@ def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> N
     found = wrench_to_acceleration(bodies, now.rotation, wrench)
     # (0.1, 0, -0.2) × (28.4, 14.2, 0) = (2.84, -5.68, 1.42)
     np.testing.assert_allclose(found[0], [2.0, 1.0, 0.0, (1.0 - 2.84) / 1.0, 5.68 / 2.0, -1.42 / 4.0], atol=1e-6)
-    # The second is rolled by 0.5 rad: its y axis points up by sin 0.5.
+    # The second robot is rolled by 0.5 rad: its y axis points up by sin 0.5.
     np.testing.assert_allclose(found[1], [0.0, 0.0, 2.0, 0.0, 1.5 * np.cos(0.5), 1.5 * np.sin(0.5)], atol=1e-6)
 
 
 def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> None:
-    """10 kg, 0.1 m to the left and 0.2 m above a trunk that is rolled by 0.3 rad: its weight is (0, -sin, -cos) 0.3."""
+    """10 kg, 0.1 m to the left and 0.2 m above a trunk rolled by 0.3 rad: the weight acts along (0, -sin, -cos)."""
     rotation = at(1, projected_gravity=(0.0, -np.sin(0.3), -np.cos(0.3))).rotation
     found = PointLoad(np.array([10.0]), np.array([[0.0, 0.1, 0.2]])).gravity_wrench(rotation)
     moment = 98.1 * (-0.1 * np.cos(0.3) + 0.2 * np.sin(0.3))
@@ -208,7 +213,7 @@ def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> Non
 
 
 def test_a_load_is_taken_to_be_on_the_trunk() -> None:
-    """Moments of 50 N·m by 98.1 N would be half a metre away."""
+    """A load of 98.1 N with moments of 50 N·m would be half a metre away from the trunk."""
     wrench = np.array([[0.0, 0.0, -98.1, -50.0, 50.0, 0.0], [0.0, 0.0, -98.1, 9.81, -4.905, 0.0]])
     np.testing.assert_allclose(estimate_load(wrench, 0.15).position, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
 
@@ -219,7 +224,7 @@ def following(velocity: tuple[float, float], command: tuple[float, float, float]
 
 
 def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
-    """0.5 and 0.2 m/s, and 0.4 rad/s, short for 10 ms each; a new command counts anew, of that robot alone."""
+    """The velocity is short by 0.5 and 0.2 m/s, and 0.4 rad/s, for 10 ms each; a new command resets only its own robot."""
     odometer = PositionErrorIntegrator(0.6, 0.01)
     odometer.reset(2)
     now = following((0.5, -0.2), (1.0, 0.0, 0.4))
@@ -230,14 +235,14 @@ def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
             found, np.array([1.0, 0.0, 0.4]) + 0.02 * looks * np.array([0.5, 0.2, 0.4]), atol=1e-6
         )
     behind = odometer.position_error[1].copy()
-    np.testing.assert_allclose(behind, [-0.02, 0.008, 0.0], atol=1e-6)  # it should stand, and is moved
+    np.testing.assert_allclose(behind, [-0.02, 0.008, 0.0], atol=1e-6)  # the robot is commanded to stand, and is moved
     other = now._replace(command=np.array([(1.0, 0.1, 0.4), (0.0, 0.0, 0.0)]))
     np.testing.assert_allclose(odometer.with_position_feedback(other, 2.0).command[0], [1.0, 0.1, 0.4])
     np.testing.assert_allclose(odometer.position_error[1], behind * 5.0 / 4.0, atol=1e-6)
 
 
 def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fastest_return() -> None:
-    """0.6 m at 2 / s would be 1.2 m/s on top: of 1.2 m/s in all, of a command of 1.5 m/s that itself."""
+    """0.6 m at 2 / s would add 1.2 m/s; the sum is limited to 1.2 m/s, or to the command if that is larger (1.5 m/s)."""
     for command, expected in (((1.0, 0.0, 0.0), 1.2), ((1.5, 0.0, 0.0), 1.5), ((0.3, 0.0, 0.0), 1.2)):
         odometer = PositionErrorIntegrator(0.6, 0.01, 1.2)
         odometer.reset(2)
@@ -245,11 +250,11 @@ def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fas
         for _ in range(200):
             found = odometer.with_position_feedback(now, 2.0).command[0]
         np.testing.assert_allclose(found[:2], [expected, 0.0], atol=1e-6)
-        np.testing.assert_allclose(found[2], 1.2, atol=1e-6)  # 0.6 rad at 2 / s, without a limit of their own
+        np.testing.assert_allclose(found[2], 1.2, atol=1e-6)  # 0.6 rad at 2 / s; the yaw rate has no limit
 
 
 class Noted:
-    """Servos that give no torque and keep what they were asked for."""
+    """Servos that give no torque and store the requested arguments."""
 
     stiffness = np.full(12, 300.0)
 
@@ -261,7 +266,7 @@ class Noted:
 def looks_at(
     sense: ContactEstimator, *rows: dict[str, Any], away: Any = False
 ) -> tuple[MotionState, np.ndarray, np.ndarray]:
-    """The last of these motions of one robot, its forces of the feet and the wrench that they leave."""
+    """Return the last of the given motions of one robot, with its contact forces and the remaining wrench."""
     sense.reset(1)
     for each in rows:
         now = at(1, **each)
@@ -273,15 +278,15 @@ EARLIER, LATER = (
     {"joint_position": 0.0, "joint_velocity": 0.0, "previous_action": 0.1, "linear_velocity": (0.5, 0.0, 0.0)},
     {"joint_position": 0.02, "joint_velocity": 6.0, "previous_action": 0.3, "linear_velocity": (0.5, 0.2, 0.0)},
 )
-"""10 ms apart."""
+"""Observations 10 ms apart."""
 
 
 @pytest.mark.parametrize(
     ("encoders", "targets", "angle", "speed"),
     [
-        # The mean of the cubic: half of the way less a twelfth of 10 ms times the change of speed; the way by the time.
+        # Mean of the cubic: half of the distance minus a twelfth of 10 ms times the velocity change; distance by time.
         (False, 0.3, 0.01 - 0.01 / 12.0 * 6.0, 2.0),
-        # Differences of encoders are means over a period: about the middle of two.
+        # Differences of encoders are means over a period, centred between two periods.
         (True, 0.2, 0.0 + 0.01 / 12.0 * 6.0, 3.0),
     ],
 )
@@ -294,15 +299,18 @@ def test_servos_are_asked_for_their_torque_over_the_last_control_period(
     np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, targets, atol=1e-6)
     np.testing.assert_allclose(servos.asked[1][0] - SIMPLE_QUAD.home_pose, angle, atol=1e-6)
     np.testing.assert_allclose(servos.asked[2][0], speed, atol=1e-6)
-    looks_at(sense, LATER)  # at the first look nothing has changed
+    looks_at(sense, LATER)  # the first update sees no change
     np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, 0.3, atol=1e-6)
     np.testing.assert_allclose(servos.asked[2][0], 6.0 if encoders else 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("encoders", [False, True])
 def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(encoders: bool) -> None:
-    """M v̇ + h: in the rows of each leg Jᵀ f of its foot, in those of the trunk the wrench and what the feet bear. Of
-    encoders the mean over two periods; a force of the ground that would pull is none."""
+    """The forces and the wrench satisfy M v̇ + h = τ + Jᵀ f + w.
+
+    The rows of each leg hold Jᵀ f of its foot, the rows of the trunk the wrench and the contact forces. With encoders,
+    the result is the mean over two periods. A negative normal force is set to zero.
+    """
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=encoders)
     sense.foot_forces.servos = Noted()  # type: ignore[assignment]
     before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, -0.6), "joint_velocity": 0.5}
@@ -320,11 +328,11 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
     np.testing.assert_allclose(wrench[0], needed[:6] - by_feet, rtol=0.03, atol=0.5)
     shown = np.where(sense.in_contact[0][:, None], raw, 0.0) if encoders else explaining
     np.testing.assert_allclose(forces[0], shown, rtol=0.03, atol=0.5)
-    assert raw[:, 2].min() < -1.0  # some would pull
+    assert raw[:, 2].min() < -1.0  # some normal forces would be negative
 
 
 def test_a_robot_that_begins_again_has_not_changed_its_motion_at_its_first_look() -> None:
-    """Of two that were thrown up: the other has slowed down from 2 m/s in 10 ms."""
+    """Two robots were thrown up; only the robot without a reset has slowed down from 2 m/s in 10 ms."""
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01)
     sense.reset(2)
     first = sense._solve_contact_forces(at(), False)[1].copy()
@@ -347,7 +355,7 @@ def test_a_foot_in_mid_swing_touches_nothing_whatever_it_bears() -> None:
 
 
 def test_a_foot_in_the_air_has_to_press_harder_to_be_taken_to_stand_on_noisy_joints() -> None:
-    """By 0.03 N per N·m/rad of 300: 9 N on top of the 15 N of one that stands."""
+    """The threshold rises by 0.03 N per N·m/rad of 300: 9 N more than the 15 N of a standing foot."""
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=True)
     sense.reset(1)
     now = at(1, previous_action=np.tile([0.0, -0.3, 0.3], 4))
@@ -366,8 +374,10 @@ def test_a_foot_in_the_air_has_to_press_harder_to_be_taken_to_stand_on_noisy_joi
 
 
 def test_what_encoders_show_at_zero_is_learnt_of_feet_in_the_air_and_no_more_than_a_look_tells() -> None:
-    """0.01 / 1.01 at each look of the missing torque by the stiffness, of -60 N·m 0.03 rad. The last leg stands,
-    and nothing is learnt of it."""
+    """Each update learns 0.01 / 1.01 of the offset, missing torque by stiffness: 0.03 rad for -60 N·m.
+
+    The last leg stands, and its offset is not learnt.
+    """
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=True)
     sense.reset(1)
     asked = np.concatenate(([0.2, 0.2, 0.2], np.zeros(6), [0.0, -0.3, 0.3]))

@@ -1,4 +1,4 @@
-"""Joints that are shown late, predicted."""
+"""Prediction of delayed joint readings."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ANGLES, SPEEDS = OBSERVATION["joint_position"], OBSERVATION["joint_velocity"]
 
 @pytest.mark.parametrize("late", [1, 3])
 def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
-    """Joints at rest that are asked for 20 rad/s² all along: ½ a t² and a t."""
+    """The prediction of joints that start at rest with a constant acceleration of 20 rad/s² is ½ a t² and a t."""
     prediction, acceleration = JointPredictor(late, PERIOD), 20.0
     for step in range(30):
         seen = max(step - late, 0) * PERIOD
@@ -28,7 +28,7 @@ def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
 
 
 def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
-    """A joint that turns at 3 rad/s though nothing is asked of it."""
+    """A joint rotates at 3 rad/s without a planned motion."""
     prediction = JointPredictor(1, PERIOD)
     for step in range(40):
         found = prediction.predict(reading(1, joint_position=3.0 * max(step - 1, 0) * PERIOD))
@@ -38,7 +38,7 @@ def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
 
 
 def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
-    """One control step with typical sensors, none of the truth and of ideal ones."""
+    """The policy gets the encoder delay of typical sensors in one control step, and none for true or ideal sensors."""
     found = [
         HardwareConfig(sensors=name).policy("mpc_wbc").joint_predictor.delay_steps
         for name in ("truth", "ideal", "typical")

@@ -1,4 +1,4 @@
-"""Loads in the model of the whole body, against MuJoCo's model of a robot that carries one."""
+"""Payloads in the whole-body dynamics, compared with MuJoCo's model of a robot with a payload."""
 
 import gymnasium as gym
 import mujoco
@@ -35,7 +35,7 @@ def state() -> dict[str, np.ndarray]:
 
 
 def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
-    """MuJoCo's dynamics of the robot with a point of MASS at PLACE on its trunk."""
+    """Return MuJoCo's dynamics of the robot with a point mass MASS at PLACE on its trunk."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     tiny = 1e-9
     load = {"name": "load", "pos": PLACE, "mass": MASS, "inertia": [tiny] * 3, "explicitinertial": True}
@@ -46,7 +46,7 @@ def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
 
 
 def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray) -> MotionState:
-    """Of what a load does not depend on there is nothing."""
+    """Return a motion with only the fields that the payload depends on."""
     others = dict.fromkeys(MotionState._fields)
     return MotionState(**others | {"bodies": bodies, "rotation": rotation, "generalised_velocity": generalised})  # type: ignore
 
@@ -91,7 +91,7 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
 
 
 def test_noise_is_no_load() -> None:
-    """Readings whose noise is not known yet give 100 N and more at the first look."""
+    """Readings with unknown noise give 100 N and more in the first update."""
     policy = MpcWbc()
     roll_out(policy, "noise=0.8", episode_seeds("search", 0, 4), steps=CALIBRATION_STEPS[1])
     assert np.abs(policy.contact_estimator.wrench[:, 2]).max() < 50.0

@@ -19,7 +19,7 @@ SPEEDS = np.tile([0.0, 5.0, -5.0, 8.0], 3)
 
 
 def turning(robots: int = 1, **readings: object) -> MotionState:
-    """Robots whose joints turn at SPEEDS."""
+    """Return robots with joints that rotate at SPEEDS."""
     rows = reading(robots, joint_velocity=SPEEDS, **readings)
     return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
@@ -31,7 +31,7 @@ def policy_of(actuator: Actuator = MOTOR, robots: int = 1) -> MpcWbc:
 
 
 def test_motors_are_asked_for_what_they_give_at_the_speeds_of_the_joints() -> None:
-    """100 (1 - 5 / 10) = 50 N·m ahead and, at 8 rad/s, 20; at standstill, and against the way, the peak of 80."""
+    """The limit is 100 (1 - 5 / 10) = 50 N·m forward, 20 N·m at 8 rad/s, and the peak of 80 N·m at rest or braking."""
     least, most = policy_of()._torque_limits(turning())
     np.testing.assert_allclose(most[0, :4], [80.0, 50.0, 80.0, 20.0])
     np.testing.assert_allclose(least[0, :4], [-80.0, -80.0, -50.0, -80.0])
@@ -71,7 +71,7 @@ def test_a_robot_without_finite_torques_keeps_its_targets_and_the_other_gets_its
 
 
 def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
-    """By 2 Hz per m/s beyond 0.4 m/s, at most by 1.5 Hz; 0.3 of the change is made in a control step."""
+    """The clock rate rises by 2 Hz per m/s of error beyond 0.4 m/s, at most by 1.5 Hz, with a gain of 0.3 a step."""
     policy = policy_of(robots=3)
     policy.parameters = policy.parameters.__class__(frequency_gain=2.0, most_faster=1.5)
     policy.frequency = 2.5
@@ -95,7 +95,7 @@ def test_a_robot_is_stopped_after_a_tenth_of_a_second_without_solutions_in_a_row
 
 
 def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
-    """At the middle of a swing, by 16 · (¼)² = 1 times the gain and the roughness; at its ends not at all."""
+    """The clearance in the middle of a swing is 16 · (¼)² = 1 times the gain times the roughness, and zero at its ends."""
     policy = policy_of()
     policy.parameters = policy.parameters.__class__(roughness_gain=3.0)
     policy.terrain_estimator.roughness[:] = 0.02
@@ -109,7 +109,7 @@ def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
 
 
 def moving_feet(robots: int = 1) -> MotionState:
-    """A robot that goes at (0.4, -0.2, 0.1) m/s and turns at 0.5 rad/s, its joints still."""
+    """Return robots at (0.4, -0.2, 0.1) m/s and 0.5 rad/s, with resting joints."""
     rows = reading(robots, linear_velocity=(0.4, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.5))
     return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
@@ -129,14 +129,14 @@ def accelerations(
     late: list[int],
     swings: np.ndarray = FIRST_SWINGS,
 ) -> np.ndarray:
-    """Return the planned feet at that progress of all four, two in swing."""
+    """Return the planned foot accelerations at a progress, the same for all four feet; two feet swing."""
     cycle = LegCycle(swings, np.full((1, 4), progress))
     states = ContactState(*(np.array([each], np.bool_) for each in (standing, late, standing)))
     return policy._foot_accelerations(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]
 
 
 def test_standing_feet_are_to_rest_and_late_ones_to_come_down() -> None:
-    """-20 / s of their velocity; 30 / s to the trunk's less the search speed of 0.5 m/s, straight down."""
+    """Standing feet get -20 / s of their velocity; late feet get 30 / s towards a downward search velocity of 0.5 m/s."""
     policy, now = policy_of(), moving_feet()
     policy.parameters = policy.parameters.__class__(stance_damping=20.0, swing_damping=30.0, search_speed=0.5)
     found, velocity = accelerations(policy, now, 0.5, [0, 1, 0, 0], [0, 0, 1, 0]), now.foot_velocity[0]
@@ -145,8 +145,10 @@ def test_standing_feet_are_to_rest_and_late_ones_to_come_down() -> None:
 
 
 def test_swinging_feet_follow_their_path_from_where_they_were_lifted() -> None:
-    """The path's acceleration, 300 / s² of its distance and 30 / s of the error of the velocity, which is that of a
-    place that goes along with the robot and the path's own."""
+    """Swing feet get the path's acceleration, 300 / s² of the position error and 30 / s of the velocity error.
+
+    The desired velocity is the path's velocity plus the velocity of the point that moves with the robot.
+    """
     policy, now = policy_of(), moving_feet()
     policy.parameters = p = policy.parameters.__class__(
         swing_stiffness=300.0, swing_damping=30.0, duty=0.6, step_height=0.1, landing_depth=0.0
@@ -185,7 +187,7 @@ def test_a_foot_that_is_lifted_again_starts_from_there() -> None:
 
 
 def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> None:
-    """Three control steps ago at 2.5 Hz: 0.075 of a cycle; each robot by its own delay."""
+    """Three control steps ago at 2.5 Hz, the phase was 0.075 cycles less; each robot has its own delay."""
     policy = policy_of(robots=2)
     policy._frequencies = np.array([2.5, 2.5])
     policy.observer.delay_estimator.delays = np.array([0, 3])
@@ -197,7 +199,7 @@ def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> N
 
 
 def test_robots_that_give_up_stop_from_their_own_targets_at_their_own_joints() -> None:
-    """The second of two, which stands otherwise than the first, is stopped as it would be alone."""
+    """The second of two robots, in another posture than the first, stops in the same way as it stops alone."""
     together, alone = policy_of(robots=2), policy_of()
     angles = np.tile(SIMPLE_QUAD.home_pose, (2, 1))
     angles[1] += 0.1

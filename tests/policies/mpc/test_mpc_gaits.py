@@ -1,4 +1,4 @@
-"""Gaits under model-predictive control: their feet land in their order, and all may be in the air together."""
+"""Gaits under model-predictive control: feet land in the gait's order, and gaits may have flight phases."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ SPEED = 0.5
 
 
 class Walked(NamedTuple):
-    """What robots did at every control step from `FROM` on."""
+    """Recorded steps of robots, from `FROM` on."""
 
     contacts: np.ndarray
     phase: np.ndarray
@@ -44,7 +44,7 @@ def walked(policy: MpcWbc) -> Walked:
 
 @pytest.mark.parametrize("gait", OFFSETS)
 def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str) -> None:
-    """A beat of another gait would be a quarter of a cycle off at least; the hind legs of the bound are 0.14."""
+    """The landing order of another gait differs by at least a quarter of a cycle; the bound's hind legs by 0.14."""
     policy = policies.make("mpc_wbc" if gait == "trot" else f"mpc_wbc_{gait}")
     found, duty = walked(policy), policy.parameters.duty
     assert not found.fell.any()
@@ -57,7 +57,7 @@ def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str)
     ahead = landing_offsets(landed, found.phase)
     np.testing.assert_allclose(wrapped(ahead - np.array(OFFSETS[gait]) / TURN), 0.0, atol=0.18)
     np.testing.assert_allclose(duty_factors(found.contacts), duty, atol=0.15)
-    # All feet of a pronk are commanded to be in the air together for 0.55 of the time.
+    # The pronk commands a flight phase of 0.55 of the time.
     assert gait != "pronk" or (~found.contacts).all(axis=-1).mean() > 0.35
 
 

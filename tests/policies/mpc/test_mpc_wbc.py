@@ -1,4 +1,4 @@
-"""The model-predictive controllers walk, in any batch alike, and go on where a program has no solution."""
+"""The model-predictive controllers walk, act equally in any batch, and continue after a QP without a solution."""
 
 import pickle
 from functools import partial
@@ -26,7 +26,7 @@ from train.curriculum import with_terrain_seed
 
 
 def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:
-    """What two robots did, which look for 3 s at the commands of search episodes."""
+    """Return the measures of two robots that observe for 3 s and follow the commands of search episodes."""
     return measure(
         rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 9, 2), steps=steps)
     )
@@ -47,7 +47,7 @@ def test_it_stays_up_on_slippery_ground_by_what_it_feels(monkeypatch: pytest.Mon
 
 
 def observations(count: int) -> np.ndarray:
-    """What robots see in place, standing with bent knees that press on the ground, and pushed."""
+    """Return observations of robots in place: standing with bent knees that press on the ground, and pushed."""
     rows = reading(count, previous_action=np.tile([0.0, 0.0, 0.1], 4))
     rows[:, 3:9] = np.random.default_rng(2).normal(0.0, 0.1, (count, 6))
     rows[:, 45] = np.linspace(0.0, 0.5, count)
@@ -57,7 +57,7 @@ def observations(count: int) -> np.ndarray:
 @pytest.mark.parametrize("policy", [Mpc, partial(MpcWbc, joint_delay_steps=1), SightedMpcWbc])
 def test_a_robot_s_actions_are_the_same_in_any_batch_after_a_restart_and_in_another_process(policy: type[Mpc]) -> None:
     together, rows = policy(), observations(3)
-    if policy is SightedMpcWbc:  # each higher than the one before, a step up 0.3 m ahead of them
+    if policy is SightedMpcWbc:  # a step up 0.3 m ahead of the robots, higher for each robot than for the previous one
         rows = np.c_[rows, -0.36 + 0.1 * (SCAN.points[:, 0] > 0.3) - 0.03 * np.arange(3)[:, None]]
     alone = pickle.loads(pickle.dumps(together))
     assert policy_digest(alone) == policy_digest(together) != policy_digest(policy(MpcParameters(frequency=2.4)))
@@ -83,7 +83,7 @@ def test_the_motion_of_a_robot_alone_has_the_same_bits_as_among_others() -> None
 
 
 class Unreliable:
-    """Solves the programs of one kind, `"plans"` or `"torques"`, unless it is `out_of_order`, and all others ever."""
+    """Solver that fails on programs of one kind, `"plans"` or `"torques"`, if `out_of_order`, and solves all others."""
 
     def __init__(self, kind: str) -> None:
         self.equalities = {"plans": 0, "torques": 6}[kind]
@@ -100,7 +100,7 @@ class Unreliable:
 
 
 class Interrupted(MpcWbc):
-    """Has no solutions in `wrong` steps of every `of`."""
+    """Controller without solutions in the last `wrong` of every `of` steps."""
 
     def __init__(self, kind: str, wrong: int, of: int) -> None:
         self.unreliable, self.wrong, self.of = Unreliable(kind), wrong, of
@@ -126,12 +126,12 @@ def test_plans_may_be_older_than_a_control_step() -> None:
     policy._solver = solver
     assert not walked(policy).fell.any()
     assert not policy.failures.any()
-    # One in three steps, and those in which other feet come to stand: five times a second, sometimes twice.
+    # A third of the steps, and the steps with a change of the stance feet: five times a second, sometimes twice.
     assert 0.33 < solver.asked / (300 * 2) < 0.6
 
 
 def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
-    """To the bit as with a program that has no solution, until that one is given up."""
+    """The actions equal, to the bit, those of a program without a solution, until the program is given up."""
     unreliable, never_asked = Unreliable("torques"), Unreliable("torques")
     unreliable.out_of_order = True
     alone, failing, rows = Mpc(), MpcWbc(), observations(2)

@@ -1,4 +1,4 @@
-"""Servos, readings carried on, and what is kept of targets and contacts, by hand."""
+"""Servo torques, predicted readings, and recorded targets and contacts, by hand."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ MOTOR = Actuator(TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque
 
 
 def test_servos_give_a_spring_s_and_a_damper_s_torque_within_what_motors_give_at_their_speed() -> None:
-    """300 · 0.1 - 10 · 2 = 10 N·m; at 8 rad/s 300 · 0.5 - 80 = 70 N·m, of which 20 are left; at -8 rad/s 80."""
+    """300 · 0.1 - 10 · 2 = 10 N·m; at 8 rad/s, 300 · 0.5 - 80 = 70 N·m is limited to 20; at -8 rad/s to 80."""
     servos = ServoModel(SIMPLE_QUAD, MOTOR, PERIOD)
     speed = np.tile([2.0, 8.0, -8.0], 4)[None]
     targets = np.tile([0.1, 0.5, 0.5], 4)[None]
@@ -33,7 +33,7 @@ def test_servos_give_a_spring_s_and_a_damper_s_torque_within_what_motors_give_at
 
 
 def test_late_motors_go_by_the_targets_of_two_control_periods() -> None:
-    """6 ms late: 0.4 of a period by its own target and 0.6 by the one before; the newest come first."""
+    """With 6 ms of delay, 0.4 of a period follows the present target and 0.6 the previous one; the newest is first."""
     targets = np.array([3.0, 2.0, 7.0])[:, None, None] * np.ones((1, 2, 12))
     found = ServoModel(SIMPLE_QUAD, MOTOR, PERIOD).filtered_targets(targets)
     np.testing.assert_allclose(found[:, 1, 5], [0.4 * 3.0 + 0.6 * 2.0, 0.4 * 2.0 + 0.6 * 7.0])
@@ -41,7 +41,7 @@ def test_late_motors_go_by_the_targets_of_two_control_periods() -> None:
 
 
 def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> None:
-    """A robot that falls at 1 m/s: feet 5 mm above the ground are stopped on it, those 50 mm above it go on falling."""
+    """A robot falls at 1 m/s: feet 5 mm above the ground stop on it, feet 50 mm above it continue to fall."""
     rows = reading(2, linear_velocity=(0.0, 0.0, -1.0))
     now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
     targets[1] += 0.02
@@ -70,7 +70,7 @@ def test_a_foot_does_not_come_down_to_the_ground_faster_than_half_a_metre_a_seco
 
 
 def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
-    """Of robots that move wildly: held feet whose impulse would be downward rise, and others rest."""
+    """Robots move fast: held feet with a downward impulse rise, and the other feet rest."""
     random, let_go = np.random.default_rng(0), 0
     for _ in range(20):
         readings = {"linear_velocity": random.normal(0.0, 1.0, 3), "angular_velocity": random.normal(0.0, 3.0, 3)}
@@ -92,7 +92,7 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
 
 
 def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
-    """Of a robot in the air: 142 N on 14.2 kg for 10 ms, ahead and up, and as much down by gravity."""
+    """A robot in the air: 142 N on 14.2 kg for 10 ms, ahead and up; gravity cancels the upward part."""
     now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, reading(1)), SIMPLE_QUAD.home_pose[None]
     wrench = np.array([[142.0, 0.0, 142.0, 0.0, 0.0, 0.0]])
     free, pushed = (
@@ -107,7 +107,7 @@ def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
 
 
 def test_readings_a_control_period_later_are_in_the_axes_that_have_turned() -> None:
-    """At 1 rad/s nose down gravity moves to the nose, and a velocity of 0.5 m/s ahead gets a part up; joints go on."""
+    """At 1 rad/s nose down, gravity moves to the nose and 0.5 m/s ahead gets an upward part; joints advance."""
     speeds = np.linspace(-2.0, 2.0, 12)
     now = compute_motion_state(
         SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 1.0, 0.0), joint_velocity=speeds)
@@ -150,7 +150,7 @@ def test_a_robot_that_listens_stands_and_then_bends_its_legs() -> None:
 
 
 def test_noise_is_known_by_the_group_and_only_from_two_second_differences_on() -> None:
-    """Readings that turn back by ±a, second differences ∓4 a: their product, -16 a², is taken for -4 σ²: σ = 2 a."""
+    """Readings alternate by ±a, with second differences ∓4 a; their product, -16 a², equals -4 σ²: σ = 2 a."""
     noise = NoiseEstimator(PERIOD, [slice(0, 1), slice(1, 3)], np.array([0.0, 0.0]))
     noise.reset(2)
     for step in range(8):
@@ -162,7 +162,7 @@ def test_noise_is_known_by_the_group_and_only_from_two_second_differences_on() -
 
 
 def test_what_seems_to_be_noise_of_a_quiet_walk_is_none() -> None:
-    """Up to its variance, and at first up to 1 + 8 / k times as much."""
+    """The threshold is the variance of a quiet walk, and at first 1 + 8 / k times this variance."""
     noise = NoiseEstimator(PERIOD, [slice(0, 1)], np.array([0.15]))
     noise.reset(1)
     found = [float(noise.update(np.array([[0.1 if step % 2 else -0.1]]))[0, 0]) for step in range(30)]
@@ -173,7 +173,7 @@ def test_what_seems_to_be_noise_of_a_quiet_walk_is_none() -> None:
 
 @pytest.mark.parametrize("late", [0, 1])
 def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
-    """Those of the mask; the others keep what they know."""
+    """Only the robots of the mask are copied; the others keep their state."""
     own, other = (DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD, joint_delay_steps=late) for _ in range(2))
     own.reset(3)
     other.reset(2)
@@ -189,7 +189,7 @@ def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
 
 
 def test_late_joints_of_a_robot_that_begins_again_are_those_that_it_is_shown() -> None:
-    """The other of two, which turns at 3 rad/s, is 0.01 rad farther than expected: 3 + 90 · 0.01 rad/s."""
+    """The other of the two robots, at 3 rad/s, is 0.01 rad ahead of the prediction: 3 + 90 · 0.01 rad/s."""
     joints = JointPredictor(1, PERIOD)
     joints.reset(2)
     for step in range(40):
@@ -205,18 +205,20 @@ def test_late_joints_of_a_robot_that_begins_again_are_those_that_it_is_shown() -
 
 
 NOISY = np.array([[0.0] * 5, [0.004**2, 0.15**2, 0.08**2, 0.003**2, 0.6**2]])
-"""Variances of two robots' readings: none, and about what a control step brings."""
+"""Variances of two robots' readings: none, and about the change in a control step."""
 
 
 def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_away() -> None:
-    """Doubt grows by what a step brings, u², and the reading's share p of p + n is taken in, which leaves
-    n p / (p + n): with n = u² shares of 1/2, again 1/2, for the first look leaves none, and 1.5 / 2.5."""
+    """The prediction variance p grows by u² a step; the gain is p / (p + n), and n p / (p + n) remains.
+
+    With n = u² the gains are 1/2, again 1/2, as the first update leaves no variance, and 1.5 / 2.5.
+    """
     state_filter = StateFilter(PERIOD, has_encoders=False)
     state_filter.reset(2)
     shares = []
     for looks in range(1, 5):
         share, joints = state_filter.update_gains(NOISY, np.full(2, looks == 1))
-        np.testing.assert_allclose(share[0], 1.0)  # without noise the reading itself
+        np.testing.assert_allclose(share[0], 1.0)  # without noise, the estimate is the reading
         np.testing.assert_allclose(joints[0], np.eye(2), atol=1e-9)
         shares.append(share[1, :2].tolist())
         assert (np.diag(joints[1]) < 1.0).all()
@@ -229,7 +231,7 @@ def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_aw
 
 
 def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
-    """P = F P Fᵀ + Q, K = P (P + R)⁻¹, P = (1 - K) P, where an angle goes on by 10 ms of its speed."""
+    """P = F P Fᵀ + Q, K = P (P + R)⁻¹, P = (1 - K) P; F advances an angle by 10 ms of its speed."""
     state_filter = StateFilter(PERIOD, has_encoders=False)
     state_filter.reset(2)
     step, brought, noise = np.array([[1.0, 0.01], [0.0, 1.0]]), np.diag([0.003**2, 0.6**2]), np.diag(NOISY[1, 3:])
@@ -243,7 +245,7 @@ def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
 
 
 def test_only_the_readings_of_noisy_robots_are_corrected() -> None:
-    """And towards what was predicted of them: that they rest."""
+    """Readings are corrected towards the prediction, which is rest."""
     observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(2)
     still, standing = np.zeros((2, 6)), np.ones((2, 4), np.bool_)
@@ -263,4 +265,4 @@ def test_joints_of_encoders_are_corrected_though_their_readings_are_quiet() -> N
     state_filter = StateFilter(PERIOD, has_encoders=True)
     _, joints = state_filter.update_gains(np.zeros((1, 5)), np.zeros(1, np.bool_))
     assert 0.0 < joints[0, 0, 0] < 1.0
-    assert joints[0, 1, 1] < 1e-3  # a difference of two samples is of no moment
+    assert joints[0, 1, 1] < 1e-3  # a difference of two samples is almost ignored

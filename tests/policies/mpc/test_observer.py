@@ -1,4 +1,4 @@
-"""Motion observed through noise and delays that nobody tells of."""
+"""Motion estimates under unknown noise and unknown delays."""
 
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 
 
 @dataclass
 class Watched(MpcWbc):
-    """The policy, and what its observer said at every control step."""
+    """The policy with a record of the results of its observer in every control step."""
 
     read: list[MotionState] = field(default_factory=list)
     ahead: list[MotionState] = field(default_factory=list)
@@ -44,7 +44,7 @@ class Watched(MpcWbc):
 
 @cache
 def walked(scenario: str) -> Watched:
-    """The policy after a walk of 1.5 s, in which no robot falls."""
+    """Return the policy after a walk of 1.5 s without a fall."""
     policy, falls = Watched(), FallRecorder(len(SEEDS), STEPS)
     roll_out(
         policy, with_terrain_seed(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS
@@ -54,20 +54,20 @@ def walked(scenario: str) -> Watched:
 
 
 def error(ahead: list[MotionState], read: list[MotionState], late: int, part: str) -> float:
-    """Root mean square of what was foreseen less what was read when it had come, but for the first half second."""
+    """Return the RMS difference between predictions and later readings, without the first half second."""
     foreseen, there = (np.array([getattr(each, part) for each in motions]) for motions in (ahead, read))
     return float(np.sqrt(np.mean((foreseen[50:-late] - there[50 + late :]) ** 2)))
 
 
 @pytest.mark.parametrize(("scenario", "delay"), [("flat", 0), ("latency=0.01", 2), ("latency=0.02", 4)])
 def test_delays_show(scenario: str, delay: int) -> None:
-    """Of actions and of readings together, in control steps."""
+    """The estimated delay is the sum of action and reading delay, in control steps."""
     np.testing.assert_array_equal(walked(scenario).observer.delays, delay)
 
 
 @pytest.mark.parametrize(("scenario", "late"), [("flat", 0), ("latency=0.08", 16)])
 def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None:
-    """It stands, then bends its legs until they move: by then the delay is known."""
+    """The robot stands and then bends its legs until they move; the delay is then known."""
     policy = MpcWbc()
     roll_out(policy, with_terrain_seed(scenario, "search"), SEEDS, steps=CALIBRATION_STEPS[0] + late + 3)
     np.testing.assert_array_equal(policy.observer.calibrating, False)
@@ -75,7 +75,7 @@ def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None
 
 
 def test_late_readings_are_carried_on_to_where_the_robot_is_by_then() -> None:
-    """Four control steps ahead, better by far than taking them for the present."""
+    """The prediction over four control steps is far better than the unchanged reading."""
     policy, late = walked("latency=0.02"), 4
     for part, most in (("velocity", 0.1), ("angular_velocity", 0.5), ("joint_position", 0.02), ("tilt", 0.01)):
         assert error(policy.ahead, policy.read, late, part) < min(
@@ -100,7 +100,7 @@ def test_readings_without_noise_and_delay_are_taken_as_they_are() -> None:
 
 @pytest.mark.parametrize("scenario", list(NOISE))
 def test_noise_shows(scenario: str) -> None:
-    """Variances on top of those that a quiet walk seems to have, of the scenario's noise on a motion at 2.5 Hz."""
+    """Variances are estimated in addition to those of a quiet walk, for the scenario's noise on a motion at 2.5 Hz."""
     noise, rng = NoiseEstimator(0.01), np.random.default_rng(0)
     noise.reset(2)
     time = 0.01 * np.arange(400)
@@ -125,7 +125,7 @@ def test_a_restart_forgets_one_robot_alone() -> None:
 
 
 def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
-    """The same noisy readings, after others: the same motions to the bit."""
+    """The same noisy readings give the same motions, to the bit, after a reset as in a new policy."""
     rng, (old, new) = (
         np.random.default_rng(1),
         (MpcWbc(joint_delay_steps=1).observer, MpcWbc(joint_delay_steps=1).observer),
@@ -142,7 +142,7 @@ def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
 
 
 def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
-    """As under a residual, which shifts them."""
+    """The observer uses the applied targets, as under a residual policy that shifts them."""
     policy = MpcWbc()
     read = policy.observer.read(reading(1, previous_action=0.1), np.zeros((1, 6)))
     np.testing.assert_allclose(read.targets, policy.robot.home_pose[None] + 0.1, atol=1e-6)

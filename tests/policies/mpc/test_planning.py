@@ -1,4 +1,4 @@
-"""Plans by robot, and the fallback of a robot without a plan."""
+"""Plans of each robot, and the fallback of a robot without a plan."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -18,22 +18,22 @@ from tests.policies.readings import reading
 
 COMMAND = np.array([[0.0, 0.0, 0.0], [0.5, -0.2, 0.3]])
 GROUND = TerrainPlane(np.array([-0.4, -0.45]), np.array([0.0, 0.2]), np.array([0.0, -0.1]))
-"""Level under the first robot; under the second it rises ahead and falls to the left."""
+"""The ground is level under the first robot; under the second it rises ahead and falls to the left."""
 PUSHED = np.array([[0.0] * 6, [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]])
-"""Linear, m/s², then angular, rad/s²."""
+"""Disturbance accelerations: linear, m/s², then angular, rad/s²."""
 FRICTION = Friction(np.array([0.4, 0.7]), np.array([100.0, 170.0]))
 STANDS = np.array([[True, False, False, True], [False, True, True, False]])
 
 
 def two() -> MotionState:
-    """The second is tilted and moves."""
+    """Return the motion of two robots; the second robot is tilted and moves."""
     rows = reading(2)
     rows[1] = reading(1, projected_gravity=(0.1, -0.05, -0.99), linear_velocity=(0.3, 0.1, 0.0), command=COMMAND[1])
     return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
 
 class Seen(CondensedMpc):
-    """A horizon that keeps what it is asked for."""
+    """Horizon that stores the arguments of its programs."""
 
     asked: tuple[Any, ...] = ()
 
@@ -43,7 +43,7 @@ class Seen(CondensedMpc):
 
 
 def planned(policy: Mpc, due: list[bool]) -> tuple[Any, ...]:
-    """Plan for those robots; what the horizon was asked for."""
+    """Plan for the robots that are due, and return the arguments that the horizon got."""
     policy._horizon = Seen(policy._horizon.steps, policy._horizon.period, policy._horizon.weights)
     places = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 10, 4, 3))
     stands = np.repeat(STANDS[:, None], 10, axis=1)
@@ -62,8 +62,11 @@ def policy_of(kind: type[Mpc] = Mpc) -> Mpc:
 
 @pytest.mark.parametrize("due", [[True, True], [False, True]])
 def test_a_plan_leads_from_where_the_body_is_over_the_slope_to_the_command(due: list[bool]) -> None:
-    """From the plane's roll, arctan of the rise to the left, and pitch, less arctan of that ahead; up the slope at
-    0.2 · 0.5 + 0.1 · 0.2 m/s."""
+    """The plan goes from the body's pose relative to the slope to the command.
+
+    The pose is the plane's roll, arctan of the rise to the left, and pitch, minus arctan of the rise ahead. The
+    vertical velocity up the slope is 0.2 · 0.5 + 0.1 · 0.2 m/s.
+    """
     policy, now = policy_of(), two()
     body, _, _, wanted, friction = planned(policy, due)
     tilt = now.tilt[1]
@@ -107,8 +110,10 @@ def test_a_robot_without_a_plan_goes_on_with_the_one_before_and_is_counted() -> 
 
 
 def test_feet_stand_over_the_horizon_now_as_they_do_and_then_by_the_gait() -> None:
-    """At 2 Hz, in steps of 40 ms: 0.08 of a cycle each, the first middle 0.04 on. The first leg stands from the end of
-    its swing on."""
+    """At 2 Hz and steps of 40 ms, a step is 0.08 cycles and the first middle 0.04 cycles ahead.
+
+    The first leg stands from the end of its swing on.
+    """
     policy = policy_of()
     policy._frequencies = np.full(2, 2.0)
     policy._phase = 2.0 * np.pi * np.array([0.3, 0.3])

@@ -1,4 +1,4 @@
-"""A plan goes on where it was left, whichever feet stand."""
+"""A plan continues at its present step, with any stance feet."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
 def planned() -> tuple[ForcePlans, np.ndarray]:
-    """One robot's plan: two steps on a pair of feet, three on the other; and its forces, (5, 4, 3)."""
+    """Return one robot's plan, two steps on a pair of feet and three on the other pair, and its forces, (5, 4, 3)."""
     plans = ForcePlans(STEPS, PERIOD, WEIGHT)
     stands = np.array([[FIRST] * 2 + [~FIRST] * 3])
     forces = np.random.default_rng(5).normal([5.0, -3.0, 70.0], 3.0, (1, STEPS, 4, 3)) * stands[..., None]
@@ -58,7 +58,7 @@ def test_other_feet_share_the_wrench_that_was_planned() -> None:
 
 
 def test_a_wrench_is_that_of_the_feet_where_they_were_planned_to_be_and_each_robot_s_own() -> None:
-    """Of two robots the first stands as planned; the second on all feet, which have moved since."""
+    """The first of two robots stands as planned; the second stands on all feet, which have moved since."""
     plans = ForcePlans(STEPS, PERIOD, WEIGHT)
     plans.reset(2)
     stands = np.array([[FIRST] * STEPS] * 2)

@@ -1,4 +1,4 @@
-"""Programs are solved, and what is no solution is not taken for one, whatever the solver says."""
+"""QPs are solved, and invalid results are rejected, independent of the solver's status."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from policies.mpc.quadratic_program import DAQP_OPTIMAL, QpBatch, solve
 
 
 def programs(count: int = 3, size: int = 8) -> QpBatch:
-    """Random ones of which bounds bind: two equalities, rows with both bounds, and rows with an upper one alone."""
+    """Return random programs with active bounds: two equalities, rows with both bounds, and rows with an upper bound."""
     random = np.random.default_rng(4)
     root = random.normal(size=(count, size, size))
     rows = random.normal(size=(count, 12, size))
@@ -22,7 +22,7 @@ def programs(count: int = 3, size: int = 8) -> QpBatch:
 
 
 def small(rows: list, lower: list, upper: list, equalities: int = 0) -> QpBatch:
-    """½ |x|² over two variables."""
+    """Return the program of ½ |x|² over two variables."""
     parts = (np.eye(2), np.zeros(2), np.array(rows), np.array(lower), np.array(upper))
     return QpBatch(*(part[None] for part in parts), equalities=equalities)
 
@@ -55,7 +55,7 @@ def test_a_program_beyond_the_limit_of_iterations_is_not_solved(monkeypatch: pyt
 
 
 def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A violation counts by the largest bound: 0.05 of 1000 N is none, 0.05 of 1 N is one."""
+    """A violation is relative to the largest bound: 0.05 is accepted for 1000 N and rejected for 1 N."""
     answer = np.array([1000.05, 0.0]), 0.0, DAQP_OPTIMAL, {}
     monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
     parts = [np.repeat(part, 3, axis=0) for part in small([[1.0, 0.0]], [-np.inf], [1000.0])[:5]]
@@ -64,7 +64,7 @@ def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: 
 
 
 def test_each_program_has_its_own_bounds_and_an_answer_below_one_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
-    """½ |x|² with x₁ of at least 1, 2 and -5, then at most -3: 1, 2, 0 and -3."""
+    """The solutions of ½ |x|² with x₁ of at least 1, 2 and -5, then of at most -3, are 1, 2, 0 and -3."""
     parts = [np.repeat(part, 4, axis=0) for part in small([[1.0, 0.0]], [1.0], [9.0])[:5]]
     parts[3][:, 0], parts[4][:, 0] = (1.0, 2.0, -5.0, -9.0), (9.0, 9.0, 9.0, -3.0)
     found = solve(QpBatch(*parts))

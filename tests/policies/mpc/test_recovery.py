@@ -1,4 +1,4 @@
-"""The model-predictive controllers make up for the way that they have lost, and lift their feet on rough ground."""
+"""The model-predictive controllers compensate lost distance and lift their feet higher on rough ground."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,7 +20,7 @@ P = replace(parameters_of("trot"), position_gain=0.5, farthest_behind=0.6)
 def commands(
     seconds: float, p: MpcParameters = P, *, then: tuple[float, float, float] | None = None, **terms: Any
 ) -> np.ndarray:
-    """What two robots, the second one as commanded, ask of themselves after so long at these readings."""
+    """Return the corrected commands of two robots after some time at constant readings; the second robot has no error."""
     odometer, asked = PositionErrorIntegrator(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
     odometer.reset(2)
     rows = reading(2, command=[0.4, 0.0, 0.2])

@@ -1,4 +1,4 @@
-"""The rigid body's prediction, its program, and the solver."""
+"""Prediction of the rigid body, its QP, and the solver."""
 
 import numpy as np
 import pytest
@@ -48,14 +48,14 @@ def wanted() -> MpcReference:
 
 
 def of_one() -> QpBatch:
-    """The robot's program."""
+    """Return the QP of the robot."""
     ((robots, programs),) = HORIZON.make_programs(body(), arms(), standing(), wanted(), FRICTION)
     assert robots.tolist() == [0]
     return programs
 
 
 def predicted(forces: np.ndarray) -> MpcReference:
-    """Where the body goes under these forces, (1, N, 4, 3), N."""
+    """Return the predicted motion of the body under the given contact forces, (1, N, 4, 3), N."""
     free, linear = HORIZON.free_response(body()), forces.sum(axis=2) / MASS
     angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
     acceleration = np.concatenate((angular, linear), axis=-1)
@@ -113,7 +113,7 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
 
 
 def test_no_foot_pulls_where_pulling_would_be_best() -> None:
-    """A body that is to go down at 30 m/s at once, on ground with friction and without, whose pyramid has no bound."""
+    """The body is commanded down at 30 m/s, on ground with and without friction; the pyramid has no upper bound."""
     rows, lower, upper = (part[0] for part in friction_constraints(1, Friction(np.zeros(1), np.array([170.0]))))
     assert (rows @ [0.0, 0.0, -0.1] < lower - 0.05).any()
     assert ((rows @ [0.0, 0.0, 0.1] >= lower) & (rows @ [0.0, 0.0, 0.1] <= upper)).all()
@@ -129,7 +129,7 @@ def test_no_foot_pulls_where_pulling_would_be_best() -> None:
 
 
 def test_programs_of_many_robots_are_those_of_each() -> None:
-    """Five robots, some with other feet on the ground."""
+    """Five robots, some with different stance feet, have the same programs together as alone."""
     random, shape = np.random.default_rng(3), (5, STEPS, 4, 3)
     bodies = [np.repeat(part, 5, axis=0) for part in body()]
     bodies = [part * (1.0 + 0.2 * random.random((5, *(1,) * (part.ndim - 1)))) for part in bodies]

@@ -1,4 +1,4 @@
-"""A control period predicted in implicit steps: feet that stand neither slip nor leave the ground."""
+"""Prediction of a control period in implicit steps: stance feet neither slip nor leave the ground."""
 
 import numpy as np
 import pytest
@@ -15,14 +15,14 @@ DYNAMICS = Dynamics(SIMPLE_QUAD)
 
 
 def moving(count: int = 1) -> MotionState:
-    """Robots whose legs and trunks move fast."""
+    """Return robots with fast legs and trunks."""
     speeds = np.random.default_rng(2).normal(0.0, 3.0, 12)
     rows = reading(count, angular_velocity=(1.0, -2.0, 1.5), joint_velocity=speeds)
     return compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows)
 
 
 def test_feet_on_the_ground_rest_at_the_end_of_the_period() -> None:
-    """Jacobians are those of its beginning: by then they have changed by the drift times the period."""
+    """Jacobians are those at the start of the period; the drift changes them by drift times the period."""
     now, targets = moving(), np.tile(SIMPLE_QUAD.home_pose, (1, 1, 1))
     standing = np.array([[True, False, False, True]])
     velocity = compute_response(SIMPLE_QUAD, now, standing, np.zeros((1, 6)), PERIOD).velocities(targets)[0]

@@ -1,4 +1,4 @@
-"""Model-predictive control that sees: footholds by the scan, the plane where it shows nothing, and its own env."""
+"""Model-predictive control with a height scan: footholds, the fallback plane outside the scan, and the environment."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ from tests.policies.readings import reading
 from train.curriculum import with_terrain_seed
 
 TWO = TerrainPlane(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
-"""Planes under two robots."""
+"""Ground planes under two robots."""
 SMALL = HeightScan(ahead=4, behind=2, aside=3, spacing=0.1)
 
 
@@ -69,7 +69,7 @@ def test_beyond_the_grid_the_ground_goes_on_as_at_its_edge() -> None:
 
 
 def test_noise_draws_what_is_seen_to_the_footprints_plane() -> None:
-    """By the share of it in what lies off the plane: steps of ±0.1 m, and noise of 0.1 m beside the second's."""
+    """The noise moves the scan to the footprint plane by its share in the residuals: steps and noise of 0.1 m."""
     steps = np.where(SMALL.points[:, 0] > 0.0, 0.1, -0.1)
     rng, flat = np.random.default_rng(0), TerrainPlane(*np.zeros((3, 2)))
     shown = np.stack((steps, steps + 0.1 * rng.choice((-1.0, 1.0), len(steps))))
@@ -98,7 +98,7 @@ def test_a_swing_goes_from_foothold_to_foothold_over_the_highest_ground() -> Non
 
 
 class Walk:
-    """What four robots did in some control steps."""
+    """Measures of four robots over some control steps."""
 
     def __init__(self, policy: policies.Policy, scenario: str, steps: int = 200) -> None:
         noise = []
@@ -107,7 +107,7 @@ class Walk:
             inner._scan_noise.update = lambda heights: noise.append(told(heights)) or noise[-1]  # type: ignore
         found = rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 5, 4), steps=steps)
         self.noise = np.sqrt(noise)
-        """Of the scan, as it took it, standard deviation, m."""
+        """Estimated standard deviation of the scan noise, m."""
         measured = measure(found)
         self.cost = measured.energy.sum() / measured.distance.sum()
         """Energy per distance, J/m."""
@@ -139,7 +139,7 @@ STANDS = np.ones((2, 4), np.bool_)
 
 
 def looking(heights: np.ndarray) -> SightedMpcWbc:
-    """Two new robots that are shown these heights, (2, p), m."""
+    """Return a policy of two new robots with given scan heights, (2, p), m."""
     policy = SightedMpcWbc(height_scan=SMALL)
     policy.reset(num_envs=2)
     policy._heights = heights
@@ -147,13 +147,13 @@ def looking(heights: np.ndarray) -> SightedMpcWbc:
 
 
 def shown(height: float, forward: float, lateral: float) -> np.ndarray:
-    """A plane under both, as a scan shows it: as low as the soles of feet that stand on it."""
+    """Return the scan of a plane under both robots, at the height of the soles of feet that stand on it."""
     x, y = SMALL.points.T
     return np.tile(height + forward * x + lateral * y - SIMPLE_QUAD.foot_radius, (2, 1))
 
 
 def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by_and_by() -> None:
-    """After 10 ms 1 / 11 of the change, of a time constant of 0.1 s; slopes up to 0.6."""
+    """The gain after 10 ms is 1 / 11, with a time constant of 0.1 s; slopes are limited to 0.6."""
     policy = looking(shown(-0.35, 0.2, -0.1))
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     np.testing.assert_allclose(np.array(policy._estimate_ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
@@ -177,8 +177,10 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
 
 
 def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_that_land_at_the_ground_s() -> None:
-    """The first foot stands all along, the second until it is lifted, then on the ground at its foothold; a step of
-    0.1 m is 0.25 m ahead."""
+    """The first foot stands throughout.
+
+    The second foot stands until it is lifted, then at its foothold on the ground. A step of 0.1 m is 0.25 m ahead.
+    """
     policy = looking(shown(-0.35, 0.2, -0.1) + 0.1 * (SMALL.points[:, 0] > 0.25))
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._estimate_ground(now, STANDS)
@@ -202,10 +204,10 @@ def test_the_ground_is_that_of_the_scan_s_own_entries() -> None:
 
 
 def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothold() -> None:
-    """A bump of 0.1 m at 0.2 m ahead, half of the way from 0 to 0.4 m, of the first robot; the second sees none."""
+    """The first robot has a bump of 0.1 m at 0.2 m ahead, halfway from 0 to 0.4 m; the second robot has none."""
     policy = looking(shown(-0.35, 0.0, 0.0))
     heights = np.zeros((2, 7, 7))
-    heights[0, 4] = 0.1  # rows are from 0.2 m behind on
+    heights[0, 4] = 0.1  # rows start 0.2 m behind
     policy._terrain, policy._scan_weight = ScannedTerrain(SMALL, heights), np.ones((2, 1))
     aside = np.array([0.1, -0.1, 0.1, -0.1])
     policy.terrain_estimator.footprints = np.zeros((3, 4, 2))
@@ -215,7 +217,7 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
     for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.0)):
         np.testing.assert_allclose(over(place, place, place + progress), [[expected] * 4, [0.0] * 4], atol=1e-9)
     onto = policy._swing_terrain(aim - [0.2, 0.0], TerrainPlane(*np.zeros((3, 2))))
-    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # at the highest ground halfway
+    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # the highest ground is halfway
         np.testing.assert_allclose(onto(place, place, place + progress)[0], expected, atol=1e-9)
     away = aim + np.array([-0.6, 0.0])
     np.testing.assert_allclose(
@@ -225,7 +227,7 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
 
 @pytest.fixture(scope="module")
 def sighted() -> Walk:
-    """A walk of 2 s on rough ground, on a scan without noise."""
+    """Return a walk of 2 s on rough ground, with a scan without noise."""
     return Walk(SightedMpcWbc(), "rough=0.24")
 
 
@@ -245,7 +247,7 @@ def test_without_its_scan_it_walks_as_one_that_does_not_see() -> None:
 
 
 def test_the_less_a_scan_is_trusted_the_more_the_feet_are_lifted_for_rough_footprints() -> None:
-    """Halfway, on level ground, by the roughness of the footprints times its gain."""
+    """The extra height halfway, on level ground, is the roughness of the footprints times its gain."""
     policy, flat = SightedMpcWbc(height_scan=SMALL), TerrainPlane(*np.zeros((3, 3)))
     policy.reset(num_envs=3)
     policy.terrain_estimator.roughness[:] = 0.02

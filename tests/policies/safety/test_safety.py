@@ -21,7 +21,7 @@ BROKEN, STEPS = 60, 300
 
 
 class Breaking(policies.Trot):
-    """The trot until a step, then something else."""
+    """The trot up to a step, then a given replacement."""
 
     def __init__(self, broken):
         super().__init__()
@@ -47,7 +47,7 @@ def misshapen(action):
 
 
 def drive(policy, steps=STEPS, count=3, before_step=None):
-    """Walk on flat ground; what the trunk and the joints did, and the largest torque."""
+    """Walk on flat ground, and return the motion of trunk and joints, and the largest torque."""
     env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
     observation, _ = env.reset(seed=0, options={"command": (0.5, 0.0, 0.0)})
     policy.reset(count)
@@ -113,14 +113,16 @@ def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(tar
     asked = SIMPLE_QUAD.servo_stiffness * (result - joints) - SIMPLE_QUAD.servo_damping * speeds
     inside = (result > SIMPLE_QUAD.joint_lower) & (
         result < SIMPLE_QUAD.joint_upper
-    )  # at a joint's end the range counts
+    )  # at the end of the joint, its range limits
     assert (np.abs(asked[inside]) <= torque + 1e-9).all()
     assert ((result >= SIMPLE_QUAD.joint_lower) & (result <= SIMPLE_QUAD.joint_upper)).all()
 
 
 def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_delay():
-    """By hand: 40 N·m and 10 rad/s leave a joint at 5 rad/s 20 N·m to drive it on and all 40 to brake it; 0.01 s on
-    it has turned by 0.05 rad. A target is (torque + 10 · 5) / 300 from there."""
+    """A motor of 40 N·m and 10 rad/s gives 20 N·m forward and 40 N·m for braking at a joint speed of 5 rad/s.
+
+    The joint rotates by 0.05 rad in the delay of 0.01 s. The limit of the target is (torque + 10 · 5) / 300 from there.
+    """
     limits = SafetyLimits.for_robot(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
     joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
     thigh = (0, 1)
@@ -130,7 +132,7 @@ def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_de
     assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds)[thigh] == pytest.approx(
         0.05 + (-40.0 + 50.0) / 300.0
     )
-    # Past the speed without load nothing drives the joint on.
+    # Beyond the no-load speed the motor gives no forward torque.
     assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds)[thigh] == pytest.approx(
         0.15 + (0.0 + 150.0) / 300.0
     )

@@ -19,7 +19,7 @@ from tests.policies.readings import feet, reading
 
 
 class Noting(Policy):
-    """Legs straight down; notes the commands that it is given."""
+    """Policy with straight legs that records its commands."""
 
     name = "noting"
 
@@ -77,7 +77,7 @@ def test_push_while_getting_up_is_braced_for_again():
 
 
 def test_a_later_fall_is_braced_for_wholly_though_the_robot_came_to_rest_before():
-    """It runs against something: slow at once, but far from its velocity of late."""
+    """A robot that runs against an obstacle is slow at once, but far from its recent mean velocity."""
     policy = Safe(Noting())
     policy.reset(1)
     policy.act(moving(PUSHED))
@@ -116,8 +116,8 @@ def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
     home = feet(SIMPLE_QUAD.home_pose)
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
-    assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # +x turns the left side up
-    nose_down = -np.sign(SIMPLE_QUAD.hip_positions[:, 0])  # as +y turns it
+    assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # a positive roll lifts the left side
+    nose_down = -np.sign(SIMPLE_QUAD.hip_positions[:, 0])  # a positive pitch lowers the nose
     assert (np.sign(pitching - level)[:, 2] == nose_down).all()
 
 

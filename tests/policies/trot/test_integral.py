@@ -1,4 +1,4 @@
-"""The trot with integral action: what it adds to the command, and that what lasts does not carry it off."""
+"""The trot with integral action: its correction of the command, which stays bounded under a lasting error."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ def felt(forward=0.0, yaw_rate=0.0, command=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 
 
 
 def told(policy, monkeypatch):
-    """The commands that the trot inside follows, as they come."""
+    """Return the list of commands that the inner trot follows, in order."""
     seen = []
     monkeypatch.setattr(policy, "_follow", lambda command: seen.append(command.copy()))
     return seen
@@ -47,7 +47,7 @@ def test_a_robot_that_takes_up_its_command_as_expected_makes_no_error(monkeypatc
 
 
 def test_velocity_is_judged_in_the_heading_frame_not_the_body_frame(monkeypatch):
-    """A trunk with its nose 30 degrees up that goes 1 m/s along its own x axis goes forward at cos 30 degrees."""
+    """A trunk with a pitch of 30 degrees at 1 m/s along its x axis has a forward velocity of cos 30 degrees."""
     policy = policies.make("trot_integral")
     seen = told(policy, monkeypatch)
     policy.act(felt(forward=0.4, gravity=(-0.5, 0.0, -np.sqrt(0.75))))

@@ -13,7 +13,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import feet, reading
 
-# The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
+# The nominal path: no compensation, an identity for the command map, and no wait for the command.
 BARE = TrotParameters(
     frequency=2.5,
     duty=0.5,
@@ -36,7 +36,7 @@ BARE = TrotParameters(
 
 
 def steady(parameters, command, steps=80, settle=40):
-    """Actions (steps, 12) and phases (steps,) at a held command, once blended in."""
+    """Return actions (steps, 12) and phases (steps,) at a constant command, after the blend."""
     policy = Trot(parameters)
     for _ in range(settle):
         policy.act(reading(command=command))
@@ -52,7 +52,7 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place(comman
     standing = ~swing[:-1] & ~swing[1:]
     vx, vy, yaw_rate = command
     for leg in range(4):
-        # r is the middle of the stride: hips at x = ±0.25, shifted by -0.02, feet 0.21 m to the side.
+        # r is the foot position in mid-stride: hips at x = ±0.25, shifted by -0.02, feet 0.21 m to the side.
         x, y = (0.23, 0.23, -0.27, -0.27)[leg], (0.21, -0.21, 0.21, -0.21)[leg]
         expected = [-(vx - yaw_rate * y), -(vy + yaw_rate * x), 0.0]
         np.testing.assert_allclose(
@@ -128,7 +128,7 @@ def test_servo_lead_runs_ahead_along_the_tangent():
 
 
 def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
-    # Virtual work: torque on joint i = F ∂z/∂q_i, here by central differences of the forward kinematics.
+    # Virtual work: the torque on joint i is F ∂z/∂q_i, here by central differences of the forward kinematics.
     joints, force, h = np.array([[0.1, 0.7, -1.3], [-0.2, 0.4, -0.9], [0.3, 0.2, -0.8], [0.0, 0.9, -1.6]]), 70.0, 1e-6
     stiffness = np.arange(100.0, 220.0, 10.0).reshape(4, 3)
     robot, foot = SIMPLE_QUAD.with_servo(stiffness.ravel(), 10.0), foot_positions(SIMPLE_QUAD, joints)
@@ -147,7 +147,7 @@ def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
 
 
 def walk(seeds, scenario):
-    """What 5 s of the shipped trot measured."""
+    """Return the measures of 5 s of the shipped trot."""
     return measure(rollout.run(policies.make("trot"), scenario, seeds, steps=500))
 
 
@@ -161,7 +161,7 @@ def test_it_follows_commands_over_the_whole_range_without_falling():
 
 
 def test_the_shipped_trot_gives_these_actions():
-    """On any machine: the last bits differ between processors, parameters and formulas show long before them."""
+    """The last bits differ between processors; a change of parameters or formulas exceeds the tolerance by far."""
     rng = np.random.default_rng(11)
     policy = policies.make("trot")
     policy.reset(16)

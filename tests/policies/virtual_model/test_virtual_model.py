@@ -30,7 +30,7 @@ def standing(**readings):
 
 
 def pull(now, height=0.45, forward=0.0, lateral=0.0):
-    """By a trunk that stands `height` above ground of that slope, and is to be 0.45 m above it."""
+    """Return the virtual acceleration of a trunk at `height` above a slope, for a desired height of 0.45 m."""
     return virtual_acceleration(
         P, now, TerrainPlane(*(np.array([value]) for value in (-height, forward, lateral))), 0.45
     )[0]
@@ -52,7 +52,7 @@ def test_feet_together_bear_the_weight_and_press_harder_where_the_trunk_is_too_l
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_tilted_trunk_is_turned_back_by_the_feet_of_the_lower_side(axis: int) -> None:
-    """Left side up: roll above 0; nose down: pitch above 0. Feet are fl, fr, hl, hr."""
+    """Left side up: roll above 0. Nose down: pitch above 0. Feet are fl, fr, hl, hr."""
     gravity = [(0.0, -0.1, -0.995), (0.1, 0.0, -0.995)][axis]
     now = standing(projected_gravity=gravity)
     assert now.tilt[0, axis] == pytest.approx(0.1, rel=0.01)
@@ -78,7 +78,7 @@ def test_a_command_pulls_along_and_on_a_slope_up_with_the_trunk_parallel_to_it()
 
 
 def test_a_command_pulls_up_a_side_slope_with_the_trunk_parallel_to_it() -> None:
-    """Ground that rises by 0.1 to the left: up at 0.04 m/s with 0.4 m/s to the left, and left side up: roll above 0."""
+    """The ground rises by 0.1 to the left: 0.04 m/s upward at 0.4 m/s to the left, and left side up: roll above 0."""
     now = standing(command=(0.0, 0.4, 0.0))
     uphill, downhill = pull(now, lateral=0.1), pull(now, lateral=-0.1)
     assert uphill[2] == pytest.approx(0.04 * P.height_damping, abs=1e-6)
@@ -90,7 +90,7 @@ def test_a_command_pulls_up_a_side_slope_with_the_trunk_parallel_to_it() -> None
 
 
 def test_springs_and_dampers_ask_for_no_more_than_a_robot_can_do() -> None:
-    """After a blow: 1.2 rad of tilt, 1 m too low or too high, and far too fast."""
+    """The robot has a tilt of 1.2 rad, a height error of ±1 m, and a high velocity after an impact."""
     assert pull(standing(projected_gravity=(0.0, -np.sin(1.2), -np.cos(1.2))))[3] == -60.0
     assert pull(standing(projected_gravity=(np.sin(1.2), 0.0, -np.cos(1.2))))[4] == -60.0
     assert pull(standing(), height=-0.55)[2] == 9.0
@@ -100,13 +100,13 @@ def test_springs_and_dampers_ask_for_no_more_than_a_robot_can_do() -> None:
 
 
 def pushed_by(now: MotionState, acceleration: list[float]) -> ControlState:
-    """Return the estimates of a robot with that disturbance acceleration, m/s² and rad/s²."""
+    """Return the estimates of a robot with a disturbance acceleration, m/s² and rad/s²."""
     friction = Friction(np.array([0.6]), np.array([2.0 * WEIGHT]))
     return ControlState(now, np.zeros((1, 4, 3)), np.zeros((1, 6)), np.array([acceleration]), friction)
 
 
 def test_feet_bear_against_a_lasting_push() -> None:
-    """One of 0.8 m/s² ahead, 0.5 to the right and 1 down: forces of mass · (-0.8, 0.5, 9.81 + 1) N in all."""
+    """A push of 0.8 m/s² ahead, 0.5 to the right and 1 down needs forces of mass · (-0.8, 0.5, 9.81 + 1) N in total."""
     policy, now = TrotFeedback(P), standing()
     policy.reset(1)
     ground = TerrainPlane(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
@@ -138,7 +138,7 @@ def test_forces_stay_within_the_cone_and_never_pull() -> None:
 
 
 def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations() -> None:
-    """Of two feet, by weights that all differ: the least-squares solution of least norm."""
+    """Two feet with different weights: the result is the least-squares solution of least norm."""
     now, diagonal = standing(), np.array([[True, False, False, True]])
     p = replace(P, planar_priority=0.7, tilt_priority=0.4, yaw_priority=0.15)
     wanted = np.array([-0.5, 0.4, 0.3, 1.5, -1.0, 2.0])
@@ -171,14 +171,14 @@ def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() 
 
 
 def test_the_velocity_that_is_damped_is_that_of_the_centre_of_mass() -> None:
-    """It is 0.0365 m behind the trunk's centre and swings to the right of one that turns to the left at 2 rad/s."""
+    """The centre of mass is 0.0365 m behind the trunk's centre and moves to the right during a left turn at 2 rad/s."""
     now = standing(angular_velocity=(0.0, 0.0, 2.0))
     assert now.bodies.com_position[0, :2] == pytest.approx([-0.0364633, 0.0], abs=1e-6)
     assert pull(now)[:2] == pytest.approx([0.0, P.lateral_damping * 2.0 * 0.0364633], abs=1e-6)
 
 
 def acted(policy: TrotFeedback, **readings: float) -> TrotFeedback:
-    """After a while at rest with those readings."""
+    """Return the action after a period of rest with the given observations."""
     policy.reset(1)
     for _ in range(8):
         policy.act(reading(1, **readings))

@@ -1,4 +1,4 @@
-"""Settings files of other projects, as their exporters write them, with values that differ between joints.
+"""Settings files of other projects in the format of their exporters, with values that differ between joints.
 
 The files are variants of the samples of the fuzzing study, `research.fuzzing.samples`.
 """
@@ -18,11 +18,11 @@ KINDS = ("hip_joint", "thigh_joint", "calf_joint")
 MOTORS = tuple(samples.JOINTS)
 """Joint names in the order of Unitree's SDK."""
 ISAAC = tuple(f"{leg}_{kind}" for kind in KINDS for leg in sorted(LEGS))
-"""Joint names in Isaac Lab's order."""
+"""Joint names in the order of Isaac Lab."""
 JOINT_VALUES = {name: 1.0 + number / 8 for number, name in enumerate(MOTORS)}
-"""Joint name -> a value that no other joint has."""
+"""Joint name -> a value that is different for every joint."""
 TERMS = ("base_ang_vel", "projected_gravity", "velocity_commands", "joint_pos_rel", "joint_vel_rel", "last_action")
-"""Isaac Lab's names of the observation terms."""
+"""Names of the observation terms in Isaac Lab."""
 
 
 def permutation(seed: int) -> list[int]:
@@ -137,7 +137,7 @@ def mjlab(names: tuple[str, ...]) -> dict[str, str]:
 
 
 def onnx_file(file: Path, metadata: dict[str, str], outside: bool = False) -> Path:
-    """Write an ONNX file with metadata and a 12 × 12 layer; `outside`: its weights are in another file."""
+    """Write an ONNX file with metadata and a 12 × 12 layer; `outside` stores the weights in a second file."""
     import onnx
 
     weights = onnx.numpy_helper.from_array(np.eye(12, dtype=np.float32), "weights")

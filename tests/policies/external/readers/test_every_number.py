@@ -1,4 +1,4 @@
-"""Check that every number of other projects' files gets its own place: all numbers differ."""
+"""Every number of a file of another project is stored in its own field: all numbers of the files differ."""
 
 from pathlib import Path
 from typing import Any
@@ -72,7 +72,7 @@ def test_of_himloco(tmp_path: Path) -> None:
 
 
 def test_of_rl_sar(tmp_path: Path) -> None:
-    """The file itself overrides the base of its robot."""
+    """The policy's file overrides the base file of the robot."""
     config, base = files.rl_sar(list(range(12)))
     own = config["go2/robot_lab"]
     own |= {"clip_obs": 90.0, "ang_vel_scale": 0.26, "dof_pos_scale": 1.1, "dof_vel_scale": 0.06}

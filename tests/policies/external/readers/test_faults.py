@@ -1,4 +1,4 @@
-"""Faulty files of other projects: one line each, which names the file and the key, and nothing runs."""
+"""Faulty files of other projects: the error is one line with the file and the key, and no code of the file runs."""
 
 import time
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from tests.policies.external.readers.files import MOTORS, network, write_setting
 
 
 def refusal(file: Path) -> str:
-    """The line that a file gives."""
+    """Return the error message of a file; it is one line."""
     with pytest.raises(PolicyError) as error:
         read(file)
     assert "\n" not in str(error.value)
@@ -30,7 +30,7 @@ def refusal(file: Path) -> str:
 
 
 def path(keys: str, value: Any) -> Callable[[dict[str, Any]], None]:
-    """Puts a value at keys, or takes them out where it is None."""
+    """Return a function that sets the value at nested keys, or deletes it if `value` is None."""
 
     def change(settings: dict[str, Any]) -> None:
         *above, last = keys.split("/")
@@ -235,7 +235,7 @@ def test_json_and_folders(tmp_path: Path) -> None:
 
 
 def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
-    """Keys of all values, however deep."""
+    """Return the nested keys of all values, at any depth."""
     deeper = [
         place for key, value in settings.items() if isinstance(value, dict) for place in places(value, (*above, key))
     ]

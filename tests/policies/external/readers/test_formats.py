@@ -1,4 +1,4 @@
-"""Files of other projects: joints in any order, scales and clips of terms, both layouts of a history."""
+"""Files of other projects: any joint order, scales and clips of terms, both layouts of a history."""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from tests.policies.external.readers.files import (
 
 
 def described(file: Path) -> PolicySpec:
-    """Return the specification of a file; its TOML has the same."""
+    """Return the specification of a file; the specification equals the one of the TOML written from it."""
     found = read(file)
     assert found is not None
     write_toml(found, file.with_name("again.toml"))
@@ -208,7 +208,7 @@ def test_an_rl_sar_file_without_base_names_the_joints_in_the_policys_order(tmp_p
 
 
 def rl_sar_before_v2_3(reduction: float = 1.0, framework: str = "isaacgym") -> dict[str, Any]:
-    """Settings as rl_sar had them up to v2.2: by leg, and the history from the end of its list."""
+    """Return settings in the format of rl_sar up to v2.2: joints by leg, and a history that starts at its end."""
     config, _ = files.rl_sar(list(range(12)))
     own = config["go2/robot_lab"]
     for key in ("joint_mapping", "observations_history_priority", "dt", "decimation"):

@@ -1,4 +1,4 @@
-"""Files made to hang, to fill the memory or to raise: each ends in one line, in a bounded processor time."""
+"""Hostile files, made to hang, to fill the memory or to raise: the error is one line, in a bounded processor time."""
 
 import re
 import sys
@@ -35,11 +35,11 @@ from tests.policies.external.readers import files
 from tests.policies.external.readers.files import network, write_settings
 
 PATIENCE = 5.0
-"""Processor time for any file, s."""
+"""s. Maximum processor time for any file."""
 
 
 def refusal(file: Path) -> str:
-    """The line that a file gives, within the time."""
+    """Return the error message of a file; it is one line and comes within `PATIENCE`."""
     began = time.process_time()
     with pytest.raises(PolicyError) as error:
         read(file)
@@ -51,7 +51,7 @@ def refusal(file: Path) -> str:
 
 
 def bomb(levels: int = 9, width: int = 9) -> str:
-    """Return YAML anchors of a collection with `width ** levels` leaves when written out."""
+    """Return YAML anchors of a collection that expands to `width ** levels` leaves."""
     lines = ["a0: &a0 [x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * width)}]" for n in range(1, levels)]
     return "\n".join(lines) + "\n"
@@ -325,7 +325,7 @@ def test_random_bytes_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux and macOS limit processor time")
 def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each takes a bounded time, and all of them more than the process has that reads them."""
+    """Each pattern takes a bounded time, and together they exceed the processor time of the reading process."""
     monkeypatch.setenv("QUAD_ENV_READ_TIME", "1")
     network(tmp_path)
     patterns = {f"(.*){{1000}}{'(.*)*' * 30}.{{{number % 5}}}(x|.{{{number}}}|.*)": 0.0 for number in range(2000)}

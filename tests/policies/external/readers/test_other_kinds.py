@@ -1,4 +1,4 @@
-"""Files with a part of a policy: their kind, their known fields, and a TOML to complete."""
+"""Files that contain only a part of a policy: their kind, their known fields, and a TOML to complete."""
 
 import time
 import tomllib
@@ -37,7 +37,7 @@ DEPLOY_MUJOCO = {
 
 
 def incomplete(file: Path) -> IncompleteSpecError:
-    """Return the draft of an incomplete file; one line."""
+    """Return the draft of an incomplete file; the error is one line."""
     with pytest.raises(IncompleteSpecError) as error:
         read(file)
     assert "\n" not in str(error.value)
@@ -46,7 +46,7 @@ def incomplete(file: Path) -> IncompleteSpecError:
 
 
 def descriptor(joints: tuple[str, ...], observed: tuple[str, ...], stiffness: float = 20.0) -> dict[str, Any]:
-    """Isaac Lab's IO descriptor, its articulation in the order ISAAC."""
+    """Return an IO descriptor of Isaac Lab with its articulation in the order ISAAC."""
     overloads = {"clip": None, "flatten_history_dim": True, "history_length": 0, "scale": None}
     path = "isaaclab.envs.mdp.observations."
     names = ("base_ang_vel", "projected_gravity", "generated_commands", "joint_pos_rel", "joint_vel_rel", "last_action")
@@ -219,7 +219,7 @@ def test_a_whole_description_stays_a_whole_toml(tmp_path: Path) -> None:
 
 
 BOMB = "a0: &a0 [x, x, x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9))
-"""YAML anchors; written out, the last one has a hundred million leaves."""
+"""YAML anchors; the last one expands to a hundred million leaves."""
 
 
 @pytest.mark.parametrize("key", ["ang_vel_scale", "cmd_scale", "dof_vel_scale"])

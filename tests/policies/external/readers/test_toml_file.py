@@ -1,4 +1,4 @@
-"""Our TOML: short to write, and the same value when it is read again."""
+"""TOML files of the project: they are short, and reading a written file returns the same value."""
 
 import re
 from dataclasses import replace
