@@ -224,7 +224,7 @@ def following(velocity: tuple[float, float], command: tuple[float, float, float]
 
 
 def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
-    """The velocity is short by 0.5 and 0.2 m/s, and 0.4 rad/s, for 10 ms each; a new command resets only its own robot."""
+    """The velocity is short by 0.5 and 0.2 m/s, and 0.4 rad/s, for 10 ms each; a new command resets its own robot."""
     odometer = PositionErrorIntegrator(0.6, 0.01)
     odometer.reset(2)
     now = following((0.5, -0.2), (1.0, 0.0, 0.4))
@@ -242,7 +242,7 @@ def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
 
 
 def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fastest_return() -> None:
-    """0.6 m at 2 / s would add 1.2 m/s; the sum is limited to 1.2 m/s, or to the command if that is larger (1.5 m/s)."""
+    """0.6 m at 2 / s would add 1.2 m/s; the sum is limited to 1.2 m/s, or to a larger command (1.5 m/s)."""
     for command, expected in (((1.0, 0.0, 0.0), 1.2), ((1.5, 0.0, 0.0), 1.5), ((0.3, 0.0, 0.0), 1.2)):
         odometer = PositionErrorIntegrator(0.6, 0.01, 1.2)
         odometer.reset(2)

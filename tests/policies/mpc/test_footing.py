@@ -80,7 +80,7 @@ def test_no_foot_is_put_further_aside_than_its_hip_turns() -> None:
 
 
 def test_the_ground_passes_under_a_trunk_that_goes_and_turns() -> None:
-    """A point (x, y) of the moving frame has the velocity v + ω (-y, x); the ground under it has the opposite velocity."""
+    """A point (x, y) of the moving frame has the velocity v + ω (-y, x), the ground under it the opposite velocity."""
     now, places = moving((0.5, -0.2)), np.array([[[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]]])
     by_hand = [[0.1, 0.4], [0.9, 0.4], [0.1, -0.8], [0.9, -0.8]]
     np.testing.assert_allclose(point_velocity(now, np.array([2.0]), places)[0], by_hand)
@@ -130,7 +130,7 @@ def test_a_swing_is_a_cubic_that_leaves_and_lands_with_the_ground(
 
 
 def test_the_acceleration_of_a_swing_is_the_mean_one_of_the_coming_control_period() -> None:
-    """At 0.5 and, 10 ms later, 0.55: 1.5 and 1.485 of the distance per swing, -0.5 and -0.485 of the ground's -0.1 m."""
+    """At 0.5 and, 10 ms later, 0.55: 1.5 and 1.485 of the distance per swing, -0.5 and -0.485 of -0.1 m."""
     ahead = ((1.485 * 0.2 + 0.485 * 0.1) - (1.5 * 0.2 + 0.5 * 0.1)) / 0.2 / 0.01
     np.testing.assert_allclose(swung(0.5)[2][:2], [ahead, (1.485 - 1.5) * 0.05 / 0.2 / 0.01], atol=0.01)
 
@@ -195,7 +195,7 @@ def test_the_ground_under_the_trunk_is_the_mean_of_the_footprints_and_roughness_
 
 
 def test_roughness_is_the_largest_distance_from_the_plane() -> None:
-    """Feet 0.4 m apart in front and 0.2 m behind leave (1, -1, -2, 2) / 10 of the first foot's height: 0.01 m at most."""
+    """Feet 0.4 m apart in front and 0.2 m behind leave (1, -1, -2, 2) / 10 of the first height: 0.01 m at most."""
     now = standing_on([0.0] * 4)
     feet = np.column_stack(([0.3, 0.3, -0.3, -0.3], [0.2, -0.2, 0.1, -0.1], [-0.35, -0.4, -0.4, -0.4]))
     prints = TerrainEstimator(slope_time=0.2, period=0.01)

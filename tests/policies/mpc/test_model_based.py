@@ -95,7 +95,7 @@ def test_a_robot_is_stopped_after_a_tenth_of_a_second_without_solutions_in_a_row
 
 
 def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
-    """The clearance in the middle of a swing is 16 · (¼)² = 1 times the gain times the roughness, and zero at its ends."""
+    """The clearance in mid-swing is 16 · (¼)² = 1 times the gain times the roughness, and zero at its ends."""
     policy = policy_of()
     policy.parameters = policy.parameters.__class__(roughness_gain=3.0)
     policy.terrain_estimator.roughness[:] = 0.02
@@ -136,7 +136,7 @@ def accelerations(
 
 
 def test_standing_feet_are_to_rest_and_late_ones_to_come_down() -> None:
-    """Standing feet get -20 / s of their velocity; late feet get 30 / s towards a downward search velocity of 0.5 m/s."""
+    """Standing feet get -20 / s of their velocity; late feet get 30 / s towards a downward velocity of 0.5 m/s."""
     policy, now = policy_of(), moving_feet()
     policy.parameters = policy.parameters.__class__(stance_damping=20.0, swing_damping=30.0, search_speed=0.5)
     found, velocity = accelerations(policy, now, 0.5, [0, 1, 0, 0], [0, 0, 1, 0]), now.foot_velocity[0]

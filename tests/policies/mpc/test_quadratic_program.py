@@ -10,7 +10,7 @@ from policies.mpc.quadratic_program import DAQP_OPTIMAL, QpBatch, solve
 
 
 def programs(count: int = 3, size: int = 8) -> QpBatch:
-    """Return random programs with active bounds: two equalities, rows with both bounds, and rows with an upper bound."""
+    """Return random programs with active bounds: two equalities, rows with both bounds, rows with an upper bound."""
     random = np.random.default_rng(4)
     root = random.normal(size=(count, size, size))
     rows = random.normal(size=(count, 12, size))

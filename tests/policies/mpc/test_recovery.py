@@ -20,7 +20,7 @@ P = replace(parameters_of("trot"), position_gain=0.5, farthest_behind=0.6)
 def commands(
     seconds: float, p: MpcParameters = P, *, then: tuple[float, float, float] | None = None, **terms: Any
 ) -> np.ndarray:
-    """Return the corrected commands of two robots after some time at constant readings; the second robot has no error."""
+    """Return the corrected commands of two robots after some time at constant readings; the second has no error."""
     odometer, asked = PositionErrorIntegrator(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
     odometer.reset(2)
     rows = reading(2, command=[0.4, 0.0, 0.2])
