@@ -1,12 +1,13 @@
-"""Reader of the configuration of legged_gym and HIMLoco, a dictionary in YAML or JSON.
+"""Reader of legged_gym's and HIMLoco's training configuration, saved as a dictionary in YAML or JSON.
 
 Sources:
 - leggedrobotics/legged_gym `envs/base/legged_robot.py`: `compute_observations`, `_compute_torques`, `step`, and
-  `_init_buffers`. The last key of `stiffness` that is part of a joint's name gives both gains of the joint.
+  `_init_buffers`. The keys of `stiffness` are parts of joint names. The last key that is part of a joint's name
+  determines stiffness and damping of the joint.
 - leggedrobotics/legged_gym `envs/anymal_c/anymal.py`: with `use_actuator_network`, a network computes the torques, and
   there is no stiffness or damping.
-- OpenRobotLab/HIMLoco `envs/base/legged_robot.py`: `env.num_one_step_observations`. The history has the newest control
-  step first and begins with zeros.
+- OpenRobotLab/HIMLoco `envs/base/legged_robot.py`: `env.num_one_step_observations`. The observation is a history with
+  the newest control step first. The history is filled with zeros at the start of an episode.
 """
 
 from dataclasses import replace
@@ -18,16 +19,16 @@ from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse the settings of legged_gym or HIMLoco.
+    """Parse a policy's specification from the configuration of legged_gym or HIMLoco.
 
     Args:
-        settings: Settings of the file.
+        settings: Settings of the configuration file.
 
     Returns:
         Specification of the policy.
 
     Raises:
-        PolicyError: A setting is missing, wrong or unsupported, or the joints belong to no known robot.
+        PolicyError: A setting is missing, wrong or unsupported, or the joint names belong to no known robot.
     """
     control = settings.section("control")
     normalization = settings.section("normalization")
@@ -58,7 +59,10 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _check_control(control: FileSettings) -> None:
-    """Raise PolicyError if the actions are not joint positions, or if a network models the actuators."""
+    """Raise PolicyError if the actions are no joint positions, or if a network models the actuators.
+
+    `control` is the section `control` of the configuration.
+    """
     if control.find("control_type") not in (None, "P"):
         control.raise_invalid("control_type", "P, of joint positions")
     if control.find("use_actuator_network") not in (None, False):
@@ -70,10 +74,11 @@ def _check_control(control: FileSettings) -> None:
 
 
 def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
-    """Return stiffness, N·m/rad, and damping, N·m·s/rad, of a joint.
+    """Return stiffness, N·m/rad, and damping, N·m·s/rad, of the joint with the name `joint`.
 
-    The last key of `stiffness` that is part of the joint's name gives both gains. If `damping` lacks this key, the only
-    key of `damping` that is part of the joint's name gives the damping. legged_gym itself fails in this case.
+    The keys of the sections `stiffness` and `damping` are parts of joint names. The last key of `stiffness` that is
+    part of the joint's name is the key of both gains. If `damping` lacks this key, the only key of `damping` that is
+    part of the joint's name is used. legged_gym itself fails in this case.
     """
     stiffness = control.section("stiffness")
     damping = control.section("damping")
@@ -88,9 +93,9 @@ def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
 
 
 def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm, ...]:
-    """Return the observation terms of legged_gym or HIMLoco.
+    """Return the observation terms in the code of legged_gym or HIMLoco, with the configured scales.
 
-    Raises PolicyError if their total width differs from the width in the file.
+    Raises PolicyError if the number of values of these terms differs from the number in the configuration.
     """
     env = settings.section("env")
     width = env.number("num_observations")
@@ -121,7 +126,7 @@ def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm
 
 
 def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[SpecTerm]:
-    """Return a list with the term of the height scan; empty if `terrain.measure_heights` is not set."""
+    """Return a list with the term of the height scan; empty if `terrain.measure_heights` is not True."""
     terrain = settings.section("terrain")
     if terrain.find("measure_heights") is not True:
         return []

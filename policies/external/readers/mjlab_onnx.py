@@ -1,8 +1,8 @@
-"""Reader of the specification that mjlab's exporter writes into an ONNX file, as metadata.
+"""Reader of mjlab's metadata in an ONNX file, which specifies the policy.
 
-The metadata has lists separated by commas. Older files lack scale, clip and history of the terms; in mjlab's tasks the
-scale is 1, there is no clip, and the history is one step. All files lack the control rate. In mjlab's velocity tasks it
-is 50 Hz (`velocity_env_cfg.py`: decimation 4, time step 0.005 s).
+The metadata consists of texts; each text is a list separated by commas. Older files lack scale, clip and history of the
+observation terms. In mjlab's tasks, the scale is 1, there is no clip, and the history is one step. All files lack the
+control rate. In mjlab's velocity tasks it is 50 Hz (`velocity_env_cfg.py`: decimation 4, time step 0.005 s).
 
 Sources: mujocolab/mjlab `rl/exporter_utils.py`, unitree_rl_mjlab.
 """
@@ -19,29 +19,32 @@ from policies.external.readers.settings import WRITE_TOML, FileSettings, find_ne
 from policies.external.spec import PolicySpec, SpecTerm
 
 CONTROL_RATE = 50.0
-"""Control rate of mjlab's velocity tasks, Hz."""
+"""Control rate of mjlab's velocity tasks, Hz; it is assumed because the ONNX files do not contain it."""
 _FUNCTIONS = {
     "command": "generated_commands",
     "joint_pos": "joint_pos_rel",
     "joint_vel": "joint_vel_rel",
     "actions": "last_action",
 }
-"""Name of a term in the metadata -> name of its function in Isaac Lab, for terms with different names."""
+"""Observation term in mjlab's metadata -> Isaac Lab's function for the term, if the names differ."""
 _TERM_LISTS = "scale", "clip", "history_length"
-"""Names of settings of terms; `observation_terms_NAME` is a list with one value per term."""
+"""Settings of the observation terms in mjlab's metadata.
+
+Each setting NAME has the key `observation_terms_NAME`, with a list of one value per term.
+"""
 
 
 def parse_spec(file: Path) -> PolicySpec | None:
-    """Parse the metadata of mjlab in an ONNX file.
+    """Parse a policy's specification from mjlab's metadata in an ONNX file.
 
     Args:
-        file: ONNX file.
+        file: Path of the ONNX file.
 
     Returns:
-        Specification of the policy; None if the file lacks mjlab's metadata.
+        Specification of the policy; None if the file has no metadata of mjlab.
 
     Raises:
-        PolicyError: The metadata is incomplete, or the policy's command is not a single velocity command.
+        PolicyError: The metadata is incomplete, or the policy has more than one command.
     """
     metadata = read_metadata(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
@@ -64,9 +67,9 @@ def parse_spec(file: Path) -> PolicySpec | None:
 
 
 def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
-    """Return the terms in the order of the observation.
+    """Return the observation terms in mjlab's metadata, in the order of the observation.
 
-    Raises PolicyError if the lists in the metadata differ in length.
+    Raises PolicyError if the lists of names, scales, clips and histories differ in length.
     """
     names = settings.texts("observation_names")
     lists = [settings.find(f"observation_terms_{key}") or [None] * len(names) for key in _TERM_LISTS]
@@ -82,7 +85,10 @@ def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
 
 
 def _parse_entry(key: str, text: str) -> Any:
-    """Parse the text of a metadata entry as names, numbers or lists; any other text is returned unchanged."""
+    """Convert the text under a metadata key to a list of names, a number or a list of numbers.
+
+    A key that ends with `_names` has names. Any other text is returned unchanged.
+    """
     if key.endswith("_names"):
         return text.split(",")
     try:

@@ -1,10 +1,9 @@
-"""Matcher of regular expressions for joint names, with bounded time.
+"""Matcher of regular expressions for joint names, with a bounded computing time.
 
-The time is bounded because files of other people contain the expressions.
-
-Python's `re` takes exponential time for some expressions, for example `((a*)*)*`. This matcher follows all possible
-matches at the same time. A part of a pattern is a function from a set of start positions in the name to the set of
-possible end positions. Bit i of an integer represents position i.
+Files of other people contain the expressions, and Python's `re` takes exponential time for some expressions, for
+example `((a*)*)*`. This matcher follows all possible matches at the same time, as a nondeterministic finite automaton
+does. Each part of a pattern is a function from a set of start positions in the name to the set of possible end
+positions. A set of positions is an integer; bit i is set if the set contains position i.
 """
 
 import string
@@ -12,44 +11,50 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 Part = Callable[[str, int], int]
-"""Function from a name and a set of start positions, as bits, to the set of end positions."""
+"""Part of a regular expression: function from a name and start positions to possible end positions.
+
+A set of positions in the name is an integer; bit i is set if the set contains position i.
+"""
 CharacterTest = Callable[[str], bool]
-"""Function that returns True for the characters that a part of a pattern matches."""
+"""Function that returns True for the characters that a part of a regular expression matches."""
 MAX_PATTERN = 200
-"""Maximum number of characters of a pattern; published files have at most 60."""
+"""Maximum number of characters of a regular expression; published files have at most 60."""
 MAX_NAME = 100
-"""Maximum number of characters of a joint's name."""
+"""Maximum number of characters of a joint's name that is matched."""
 MAX_DEPTH = 20
-"""Maximum depth of nested groups in a pattern."""
+"""Maximum depth of nested groups in a regular expression."""
 MAX_COUNT = 1000
-"""Maximum of the numbers m and n in a repetition `{m,n}`."""
+"""Maximum value of the numbers m and n in a repetition `{m,n}` of a regular expression."""
 SYNTAX = ". [...] (...|...) (?:...) (?=...) (?!...) * + ? {m,n} ^ $ \\w \\d \\s"
 _CLASSES: dict[str, CharacterTest] = {
     "w": lambda character: character.isalnum() or character == "_",
     "d": str.isdecimal,
     "s": str.isspace,
 }
-"""Letter of an escape, for example `d` for `\\d` -> test for the characters of its class."""
+"""Letter of an escape in a regular expression -> test whether a character belongs to its class.
+
+For example, the test of `d` returns True for decimal digits.
+"""
 _REPETITIONS: dict[str, tuple[int, int | None]] = {"*": (0, None), "+": (1, None), "?": (0, 1)}
-"""Repetition sign -> minimum and maximum number of repetitions; None: no maximum."""
+"""Repetition sign in a regular expression -> minimum and maximum count; None: no maximum."""
 
 
 class PatternError(ValueError):
-    """Raised for an invalid or unsupported pattern; the message is one line."""
+    """Raised for a regular expression that is invalid, too long or not supported; the message is one line."""
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Return True if a pattern matches the whole name, as `re.fullmatch` does.
+    """Return True if a regular expression matches the whole of a joint's name, as `re.fullmatch` does.
 
     Args:
         pattern: Regular expression.
         name: Name of a joint.
 
     Returns:
-        True for a match.
+        True if the expression matches.
 
     Raises:
-        PatternError: The pattern is invalid, or the name or the pattern is too long.
+        PatternError: The expression is invalid or not supported, or the name or the expression is too long.
     """
     if len(name) > MAX_NAME:
         raise PatternError(f"a name has at most {MAX_NAME} characters, got {len(name)}")
@@ -64,7 +69,7 @@ def _compile(pattern: str) -> Part:
 
 
 class _Parser:
-    """Recursive descent parser of one pattern."""
+    """Recursive descent parser that converts a regular expression to a function of the type `Part`."""
 
     def __init__(self, pattern: str) -> None:
         self._text = pattern
@@ -72,7 +77,7 @@ class _Parser:
         self._depth = 0
 
     def parse(self) -> Part:
-        """Parse the whole pattern. Raises PatternError if it is invalid."""
+        """Parse the whole regular expression. Raises PatternError if the expression is invalid."""
         part = self._parse_alternatives()
         if self._position < len(self._text):
             raise self._error("unbalanced `)`")
@@ -82,11 +87,11 @@ class _Parser:
         return PatternError(f"{fault} at character {self._position + 1}; valid: {SYNTAX}")
 
     def _peek(self) -> str:
-        """Return the next character without moving; an empty text at the end of the pattern."""
+        """Return the next character of the pattern and keep the position; empty at the end of the pattern."""
         return self._text[self._position : self._position + 1]
 
     def _take(self, text: str) -> bool:
-        """Return True and move behind `text` if it comes next in the pattern."""
+        """Return True if the pattern continues with `text`; the position then moves behind this text."""
         is_next = self._text.startswith(text, self._position)
         self._position += len(text) if is_next else 0
         return is_next
@@ -104,7 +109,10 @@ class _Parser:
         return _in_sequence(parts)
 
     def _parse_atom(self) -> Part:
-        """Parse a group, a set, an anchor or a single character. Raises PatternError if it is invalid."""
+        """Parse the next group, set, anchor, escape or single character of the pattern.
+
+        Raises PatternError if it is invalid.
+        """
         character = self._peek()
         self._position += 1
         if character == "(":
@@ -153,7 +161,7 @@ class _Parser:
         return lambda each: each == character
 
     def _parse_set(self) -> CharacterTest:
-        """Parse a set `[...]` after its opening bracket. Raises PatternError if it is invalid."""
+        """Parse a character set `[...]` after its opening bracket. Raises PatternError if it is invalid."""
         is_negated = self._take("^")
         tests = [self._parse_set_member()]
         while not self._take("]"):
@@ -161,7 +169,10 @@ class _Parser:
         return lambda each: any(test(each) for test in tests) != is_negated
 
     def _parse_set_member(self) -> CharacterTest:
-        """Parse an escape, a range or a single character of a set. Raises PatternError if it is invalid."""
+        """Parse the next escape, range or single character in a character set `[...]`.
+
+        Raises PatternError if it is invalid.
+        """
         low = self._peek()
         if not low:
             raise self._error("a missing `]`")
@@ -180,15 +191,15 @@ class _Parser:
         counts = self._parse_counts()
         if counts is None:
             return part
-        self._take("?")  # ignored, because a lazy repetition matches the same whole names
+        self._take("?")  # The `?` of a lazy repetition is ignored, because the matched whole names are the same.
         if self._peek() in ("*", "+", "?", "{") and self._peek():
             raise self._error("a repetition of a repetition")
         return _repeat(part, *counts)
 
     def _parse_counts(self) -> tuple[int, int | None] | None:
-        """Parse a repetition and return its minimum and maximum number.
+        """Parse a repetition such as `*` or `{m,n}`, and return its minimum and maximum number.
 
-        Returns None if no repetition comes next. A maximum of None means no limit.
+        Returns None if the pattern does not continue with a repetition. A maximum of None means no limit.
         """
         for sign, counts in _REPETITIONS.items():
             if self._take(sign):
@@ -210,12 +221,12 @@ class _Parser:
 
 
 def _is_count(text: str) -> bool:
-    """Return True if a text is empty or consists of digits."""
+    """Return True if a text is empty or consists of the digits 0 to 9."""
     return text.isascii() and (text.isdigit() or not text)
 
 
 def _one_character(test: CharacterTest) -> Part:
-    """Return a part that matches one character for which `test` is True."""
+    """Return the part of a regular expression that matches one character for which `test` is True."""
 
     def find_ends(name: str, starts: int) -> int:
         ends = 0
@@ -228,7 +239,7 @@ def _one_character(test: CharacterTest) -> Part:
 
 
 def _in_sequence(parts: list[Part]) -> Part:
-    """Return a part that matches all parts, one after another."""
+    """Return the part of a regular expression that matches all given parts, one after another."""
 
     def find_ends(name: str, starts: int) -> int:
         for part in parts:
@@ -239,7 +250,7 @@ def _in_sequence(parts: list[Part]) -> Part:
 
 
 def _any_of(branches: list[Part]) -> Part:
-    """Return a part that matches any of the branches."""
+    """Return the part of a regular expression that matches any one of the given parts (`a|b|c`)."""
 
     def find_ends(name: str, starts: int) -> int:
         ends = 0
@@ -251,29 +262,30 @@ def _any_of(branches: list[Part]) -> Part:
 
 
 def _lookahead(part: Part) -> Part:
-    """Return a part that matches the empty text at the positions from which the given part matches."""
+    """Return the lookahead `(?=...)`: it matches the empty text at positions where `part` matches."""
     return lambda name, starts: _to_bits(at for at in _positions(starts) if part(name, 1 << at))
 
 
 def _negative_lookahead(part: Part) -> Part:
-    """Return a part that matches the empty text at the positions from which the given part does not match."""
+    """Return the negative lookahead `(?!...)`: it matches the empty text where `part` does not match."""
     return lambda name, starts: _to_bits(at for at in _positions(starts) if not part(name, 1 << at))
 
 
 def _positions(bits: int) -> list[int]:
-    """Return the indices of the bits that are set in an integer."""
+    """Return the positions in a name that an integer represents: the indices of its set bits."""
     return [position for position in range(bits.bit_length()) if bits >> position & 1]
 
 
 def _to_bits(positions: Iterable[int]) -> int:
-    """Return the integer with a set bit at each of the distinct positions."""
+    """Return the integer that represents different positions in a name: bit i is set for position i."""
     return sum(1 << position for position in positions)
 
 
 def _repeat(part: Part, minimum: int, maximum: int | None) -> Part:
-    """Return a part that matches repetitions of another part.
+    """Return the part of a regular expression that matches `minimum` to `maximum` repetitions of `part`.
 
-    The length of the name limits the number of repetitions, because further ones add no end positions.
+    A maximum of None means no limit. The number of computed repetitions is limited by the length of the name, because
+    further repetitions add no end positions.
     """
     part = _cache_ends(part)
 
@@ -294,9 +306,10 @@ def _repeat(part: Part, minimum: int, maximum: int | None) -> Part:
 
 
 def _cache_ends(part: Part) -> Part:
-    """Return a part that caches the end positions of another part for the last name.
+    """Return a part of a regular expression that matches like `part` and caches the end positions.
 
-    The cache keeps the time of nested repetitions polynomial.
+    The cache is for the last matched name. With the cache, the computing time of nested repetitions grows only as a
+    polynomial of the length of the name.
     """
     known: dict[int, int] = {}
     last: list[str] = []

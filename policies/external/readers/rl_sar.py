@@ -1,19 +1,20 @@
-"""Reader of rl_sar's `config.yaml`.
+"""Reader of rl_sar's deployment files: a policy's `config.yaml`, and the robot's `base.yaml`.
 
-Newer versions also have the robot's `base.yaml` in the folder above.
+In newer versions, `base.yaml` is in the folder above `config.yaml`.
 
 All versions:
 - Joint i of the policy is motor `joint_mapping[i]`.
-- Observations are scaled first; then the whole observation is clipped.
-- A history starts with zeros. Step 0 in `observations_history` is the newest step.
+- Observation terms are scaled first; then the whole observation is clipped.
+- The history of the observation starts with zeros. Step 0 in `observations_history` is the newest control step.
 
-Version 2.3 and newer: a history has the order of `observations_history`.
+Version 2.3 and newer: the history has the order of `observations_history`.
 
 Version 2.2 and older:
-- A history has the reverse order of `observations_history`, because `get_obs_vec` reads the list from its end.
-- `hip_scale_reduction` multiplies the actions, and also the observed actions, of `hip_scale_reduction_indices`.
-- The file has joint values by leg. With `framework: isaacsim`, they are read as a matrix of `rows` x `cols` entries.
-  The transposed matrix has the policy's order (`ReadVectorFromYaml`).
+- The history has the reverse order of `observations_history`, because `get_obs_vec` reads the list from its end.
+- `hip_scale_reduction` is a factor on the actions, and on the observed actions, of the joints with the indices
+  `hip_scale_reduction_indices`.
+- The values per joint are listed by leg. With `framework: isaacsim`, they are read as a matrix of `rows` x `cols`
+  numbers. The numbers of the transposed matrix have the policy's joint order (`ReadVectorFromYaml`).
 
 Version 2.1 and older: the file does not name the observation terms.
 
@@ -40,22 +41,27 @@ _TERMS = {
     "dof_vel": ("joint_velocity", "dof_vel_scale"),
     "actions": ("previous_action", ""),
 }
-"""rl_sar's name of a term -> this project's name, and key of the scale (empty: no scale).
+"""Name of an observation term in rl_sar -> name of the term in this project, and key of its scale.
+
+An empty key means that the term has no scale.
 
 rl_sar reads `ang_vel_world` in the world frame and rotates it to the base frame. It reads `ang_vel_body` in the base
 frame. Both are therefore observed in the base frame.
 """
 _KEYS_BEFORE_V2_3 = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
-"""Keys that only files of version 2.2 and older have."""
+"""Keys that identify a `config.yaml` of rl_sar version 2.2 or older."""
 _KEYS_SINCE_V2_3 = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
-"""Keys that only files of version 2.3 and newer have."""
+"""Keys that identify a `config.yaml` of rl_sar version 2.3 or newer."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse a `config.yaml`. Raises PolicyError for a missing, wrong or unsupported setting.
+    """Parse a policy's specification from rl_sar's `config.yaml`.
+
+    Settings that this file lacks are taken from the robot's `base.yaml`, if it exists. Raises PolicyError if a setting
+    is missing, wrong or unsupported.
 
     Args:
-        settings: Settings with one section; its key names the folder of the file.
+        settings: Settings of the `config.yaml`, with one section; its key names the folder of the file.
 
     Returns:
         Specification of the policy.
@@ -88,7 +94,10 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _load_base(settings: FileSettings) -> FileSettings | None:
-    """Return the first section of the robot's `base.yaml`; None if this file does not exist."""
+    """Return the first section of the robot's `base.yaml`, above the folder of `config.yaml`, or None.
+
+    Returns None if this file does not exist. `settings` are the settings of `config.yaml`.
+    """
     file = settings.file.parent.parent / "base.yaml"
     if not file.is_file():
         return None
@@ -96,9 +105,9 @@ def _load_base(settings: FileSettings) -> FileSettings | None:
 
 
 def _is_before_v2_3(settings: FileSettings) -> bool:
-    """Return True if a file is of version 2.2 or older.
+    """Return True if the keys of a `config.yaml` belong to rl_sar version 2.2 or older.
 
-    Raises PolicyError if its keys contradict each other.
+    Raises PolicyError if the file has keys of a newer version and a `hip_scale_reduction` other than 1.
     """
     newer = [key for key in _KEYS_SINCE_V2_3 if settings.find(key) is not None]
     newer += ["action_scale"] * isinstance(settings.find("action_scale"), list)
@@ -111,7 +120,10 @@ def _is_before_v2_3(settings: FileSettings) -> bool:
 
 
 def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return a specification of version 2.2 or older with joints in the learning framework's order."""
+    """Return a specification from rl_sar v2.2 or older with its joints in the order of the policy.
+
+    The files have the joints by leg. With `framework: isaacsim`, the order of the policy is by joint kind.
+    """
     framework = settings.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
         settings.raise_invalid("framework", "isaacgym or isaacsim")
@@ -131,9 +143,10 @@ def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
 
 
 def _with_reduced_hips(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification with action scale and `previous_action` of the hips reduced.
+    """Return the specification with a smaller action scale of the hips, as rl_sar v2.2 and older have it.
 
-    The factor is `hip_scale_reduction`. The hips are the joints in `hip_scale_reduction_indices`.
+    The action scale and the observed previous action of the hips are multiplied by `hip_scale_reduction`. The hips are
+    the joints with the indices `hip_scale_reduction_indices`.
     """
     reduction = settings.number("hip_scale_reduction", 1.0)
     if reduction == 1.0:
@@ -155,10 +168,11 @@ def _raise_contradiction(settings: FileSettings, key: str) -> NoReturn:
 
 
 def _parse_joints(own: FileSettings, base: FileSettings | None, merged: FileSettings) -> JointNames:
-    """Return the joint names in the policy's order.
+    """Return the joint names in the policy's joint order.
 
-    They are the names in the file itself, or the names in `base.yaml` reordered by `joint_mapping`. Raises PolicyError
-    if neither file has names, or if the names of both files disagree.
+    They are the names in `config.yaml` (`own`), or the names in `base.yaml` (`base`) reordered by `joint_mapping`.
+    `merged` has the settings of both files. Raises PolicyError if no file has names, or if the names contradict each
+    other.
     """
     names = _joint_names(own)
     motors = _joint_names(base) if base else None
@@ -181,7 +195,7 @@ def _joint_names(settings: FileSettings) -> JointNames | None:
 
 
 def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
-    """Return the observation terms, each with `history` control steps.
+    """Return the observation terms in rl_sar's settings, each with a history of `history` control steps.
 
     Raises PolicyError if a term is unknown.
     """
@@ -197,7 +211,10 @@ def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
 
 
 def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
-    """Return the number of observed control steps, and the position of the newest step, `first` or `last`."""
+    """Return the number of control steps in the observation, and the position of the newest step.
+
+    The position is `first` or `last`. `is_old` is True for rl_sar version 2.2 and older, which has the reverse order.
+    """
     given: Any = settings.find("observations_history") or [0]
     steps = list(range(len(given))) if isinstance(given, list) else []
     if not steps or given not in (steps, steps[::-1]):
@@ -206,9 +223,9 @@ def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["
 
 
 def _parse_action_clip(settings: FileSettings) -> Range | None:
-    """Return the range of raw actions; None if there are no limits.
+    """Return the minimum and maximum to which the raw outputs of the network are clipped; None: no limits.
 
-    Raises PolicyError if the joints have different limits.
+    Raises PolicyError if the limits of the joints differ.
     """
     if not settings.find("clip_actions_upper") or not settings.find("clip_actions_lower"):
         return None

@@ -1,6 +1,6 @@
-"""Settings in YAML, JSON or TOML files: loading without running code, and checked access by key.
+"""Settings in YAML, JSON or TOML files of external policies: loading, and access with type checks.
 
-Errors name the key and the file.
+Loading a file never runs code in the file. Errors name the key and the file.
 """
 
 import os
@@ -18,53 +18,58 @@ from quad_env.files.reading import MAX_TOML_SIZE, parse_json, parse_toml, read_b
 from quad_env.files.text import brief, format_exception
 
 MAX_BYTES = 2**19
-"""Maximum size of a YAML or JSON file, bytes."""
+"""Maximum size of a YAML or JSON file with a policy's settings, bytes."""
 MAX_LINES = 20_000
-"""Maximum number of lines of a file; deployment files have at most a few thousand."""
+"""Maximum number of lines of a settings file; deployment files have at most a few thousand lines."""
 MAX_KEY = 200
-"""Maximum number of characters of a key."""
+"""Maximum number of characters of a key in a settings file."""
 WRITE_TOML = "write a TOML (docs/deployment-files.md)"
-"""Remedy in errors about settings that a file lacks or that are not supported."""
+"""Remedy in the errors about settings that a file lacks or that are not supported."""
 NETWORK_NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
-"""Usual paths of networks in the folder `exported` of a run.
+"""Usual paths of network files, relative to the folder `exported` of a training run.
 
 Isaac Lab, mjlab and Unitree write `exported/policy.*`; legged_gym writes into `exported/policies`.
 """
 ISAAC_SIM_SUFFIXES = "_env", "_policy.pt"
-"""Endings of file names in Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
+"""Endings of the names of settings file and network in Isaac Sim's samples.
+
+The stem of the settings file has the first ending, as in `spot_env.yaml`. The network file has the second ending, as in
+`spot_policy.pt`.
+"""
 _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
-"""Suffix -> parser of the file's text; files with other suffixes are parsed as YAML."""
+"""Suffix of a settings file -> parser of its text; files with other suffixes are parsed as YAML."""
 
 
 @dataclass(frozen=True)
 class FileSettings:
-    """Settings by key, with their location in a file; `load_settings` makes them.
+    """Settings of a file, or of one section of it: values by key, for type checks with precise errors.
 
-    The methods raise PolicyError for a value of a wrong type.
+    `load_settings` makes an instance for a whole file. The methods raise PolicyError for a value of a wrong type. The
+    error names the file and the keys.
     """
 
     values: dict[Any, Any]
-    """Key -> value."""
+    """Settings as loaded from the file: key -> value; a section is a value that is a dictionary."""
     file: Path
-    """File that contains the settings."""
+    """Path of the file that contains the settings."""
     key_prefix: str = ""
-    """Keys of the sections that contain these settings, each followed by a dot."""
+    """Keys of the sections that contain these settings, each followed by a dot, for errors."""
 
     def find(self, key: str) -> Any:
-        """Return the value of a key; None if the key is missing or null."""
+        """Return the value of a key; None if the key is missing or its value is null."""
         return self.values.get(key)
 
     def get(self, key: str) -> Any:
-        """Return the value of a key. Raises PolicyError if the key is missing or null."""
+        """Return the value of a key. Raises PolicyError if the key is missing or its value is null."""
         value = self.values.get(key)
         if value is None:
             raise PolicyError(f"{self.file.name} has no `{self.key_prefix}{key}`", f"add it, or {WRITE_TOML}")
         return value
 
     def section(self, *keys: str) -> "FileSettings":
-        """Return the section at a path of nested keys.
+        """Return the section (dictionary) at a path of nested keys, for example `section("scene", "robot")`.
 
-        Raises PolicyError if the value of a key is not a dictionary.
+        Raises PolicyError if a key is missing, or if its value is not a dictionary.
         """
         section = self
         for key in keys:
@@ -75,7 +80,7 @@ class FileSettings:
         return section
 
     def optional_section(self, *keys: str) -> "FileSettings":
-        """Return the section at a path of nested keys; an empty section if a key is missing or null."""
+        """Return the section (dictionary) at a path of nested keys; empty if a key is missing or null."""
         section = self
         for key in keys:
             if section.find(key) is None:
@@ -84,28 +89,28 @@ class FileSettings:
         return section
 
     def sections(self) -> Iterator[tuple[str, "FileSettings"]]:
-        """Return pairs of key and section, in the order of the file.
+        """Return the pairs of key and section in these settings, in the order of the file.
 
-        A section is a value that is a dictionary.
+        A section is a value that is a dictionary; other values are omitted.
         """
         return ((str(key), self.section(key)) for key, value in self.values.items() if isinstance(value, dict))
 
     def text(self, key: str) -> str:
-        """Return the text of a key. Raises PolicyError if the value is not a text."""
+        """Return the text under a key. Raises PolicyError if the value is missing or is not a text."""
         value = self.get(key)
         if not isinstance(value, str):
             self.raise_invalid(key, "a text")
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return the finite number of a key. Raises PolicyError for any other value.
+        """Return the finite number under a key. Raises PolicyError for any other value.
 
         Args:
             key: Key of the number.
             default: Result if the key is missing or null; None: the key is required.
 
         Returns:
-            The number.
+            Number under the key, or `default`.
         """
         if default is not None and self.find(key) is None:
             return default
@@ -115,17 +120,17 @@ class FileSettings:
         return number
 
     def numbers(self, key: str, count: int | None = 12, default: float | None = None) -> Numbers:
-        """Return the finite numbers of a key; a single number is repeated.
+        """Return the list of finite numbers under a key; a single number is repeated `count` times.
 
         Raises PolicyError for any other value.
 
         Args:
             key: Key of the numbers.
-            count: Required count of the numbers; None: any count.
-            default: Number to repeat if the key is missing or null; None: the key is required.
+            count: Required count of the numbers, by default one per joint; None: any count.
+            default: Number that is repeated if the key is missing or null; None: the key is required.
 
         Returns:
-            The numbers.
+            Numbers in the order of the file.
         """
         value = self.get(key) if default is None or self.find(key) is not None else default
         numbers = [_parse_number(each) for each in (value if isinstance(value, list) else [value] * (count or 1))]
@@ -134,12 +139,12 @@ class FileSettings:
         return tuple(each for each in numbers if each is not None)
 
     def range(self, key: str) -> Range:
-        """Return the minimum and maximum of a key. Raises PolicyError for any other value."""
+        """Return the minimum and maximum that a key contains. Raises PolicyError for any other value."""
         minimum, maximum = self.numbers(key, 2)
         return minimum, maximum
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Return the texts of a key, which has a text or a list of texts.
+        """Return the list of texts under a key; a single text is returned as a tuple of one text.
 
         Raises PolicyError for any other value.
         """
@@ -150,14 +155,16 @@ class FileSettings:
         return tuple(values)
 
     def permutation(self, key: str, optional: bool = False) -> tuple[int, ...]:
-        """Return a permutation of the numbers from 0 to 11. Raises PolicyError for any other value.
+        """Return the permutation of the joint indices 0 to 11 under a key.
+
+        Raises PolicyError for any other value.
 
         Args:
             key: Key of the numbers.
-            optional: True: the result is in ascending order if the key is missing or null.
+            optional: True: the result is 0, 1, …, 11 if the key is missing or null.
 
         Returns:
-            The numbers.
+            Joint indices in the order of the file.
         """
         if optional and self.find(key) is None:
             return tuple(range(12))
@@ -167,15 +174,15 @@ class FileSettings:
         return tuple(map(int, numbers))
 
     def joint_values(self, key: str, joints: tuple[str, ...], default: float | None = None) -> Numbers:
-        """Return a number for each joint, with Isaac Lab's rules.
+        """Return a number for each joint from the value of a key, by the rules of Isaac Lab.
 
-        The value of the key is one number for all joints or a list with one number per joint. It may also be a
-        dictionary from regular expressions to numbers. An expression must match the whole name of a joint.
+        The value is one number for all joints, a list with one number per joint, or a dictionary: regular expression ->
+        number. A number in a dictionary applies to the joints with names that the expression matches as a whole.
 
         Args:
             key: Key of the numbers.
             joints: Names of the joints.
-            default: Number for joints that no expression matches; None: each joint must match an expression.
+            default: Number for joints without a matching expression; None: each joint must match an expression.
 
         Returns:
             Numbers in the order of `joints`.
@@ -187,14 +194,14 @@ class FileSettings:
         return tuple(patterns.number(patterns.matching_pattern(joint, is_optional), default) for joint in joints)
 
     def matching_pattern(self, joint: str, optional: bool = False) -> str:
-        """Return the key that, as a regular expression, matches the whole name of a joint.
+        """Return the key of these settings that, as a regular expression, matches the whole name of a joint.
 
         Args:
             joint: Name of the joint.
             optional: True: the result is an empty text if no key matches.
 
         Returns:
-            The key.
+            Matching key.
 
         Raises:
             PolicyError: Several keys match, or no key matches and `optional` is False.
@@ -206,16 +213,17 @@ class FileSettings:
         raise PolicyError(f"`{self.key_prefix[:-1]}` in {self.file.name} has {several} for {joint}, not one expression")
 
     def network(self) -> Path:
-        """Find the network that belongs to these settings.
+        """Find the network file of the policy that these settings describe.
 
-        Files with usual names are searched in the folder `exported` of the run, in the run's folder, and next to the
-        file. If there are none, the only .onnx file in these folders is the network.
+        Files with usual names (NETWORK_NAMES) are searched in three folders: the folder `exported` of the training run,
+        the folder of the training run, and the folder of the settings file. If there are none, the only .onnx file in
+        these folders is the network.
 
         Returns:
-            Absolute path.
+            Absolute path of the network file.
 
         Raises:
-            PolicyError: There is no network, or there are several.
+            PolicyError: The folders contain no network, or several networks with unusual names.
         """
         file = self.file
         run = file.parent.parent if file.parent.name in ("params", "io_descriptors") else file.parent
@@ -231,23 +239,25 @@ class FileSettings:
         raise PolicyError(fault, f"put it at {run / 'exported/policy.onnx'}")
 
     def raise_invalid(self, key: str, expected: str) -> NoReturn:
-        """Raise the PolicyError for a wrong value of `key`; `expected` is a noun phrase for valid values."""
+        """Raise the PolicyError for a wrong value of `key`; the text `expected` describes valid values."""
         name = f"`{self.key_prefix}{key}` in {self.file.name}"
         raise PolicyError(f"{name} must be {expected}, not {brief(self.find(key))}")
 
 
 def joint_name_matches(pattern: str, name: str) -> bool:
-    """Return True if a regular expression matches a whole name; the time is bounded for all expressions.
+    """Return True if a regular expression matches the whole name of a joint.
+
+    The computing time is bounded for all expressions, because they come from files of other people.
 
     Args:
         pattern: Regular expression.
         name: Name of a joint.
 
     Returns:
-        True for a match.
+        True if the expression matches.
 
     Raises:
-        PolicyError: The expression is invalid.
+        PolicyError: The expression is invalid or not supported.
     """
     try:
         return name_patterns.matches(pattern, name)
@@ -256,17 +266,17 @@ def joint_name_matches(pattern: str, name: str) -> bool:
 
 
 def find_network(folder: Path, name: str) -> Path:
-    """Return the absolute path of a network, and check that the file exists.
+    """Return the absolute path of the network file that a settings file names, and check that it exists.
 
     Args:
-        folder: Folder of the settings.
-        name: Path of the network, relative to the folder.
+        folder: Folder of the settings file.
+        name: Path of the network file, relative to this folder.
 
     Returns:
-        Absolute path.
+        Absolute path of the network file.
 
     Raises:
-        PolicyError: The file does not exist.
+        PolicyError: The network file does not exist.
     """
     try:
         file = folder / name
@@ -278,9 +288,9 @@ def find_network(folder: Path, name: str) -> Path:
 
 
 def load_settings(file: Path) -> FileSettings:
-    """Load the settings in a file; the suffix determines the format.
+    """Load a settings file as YAML, JSON or TOML, according to its suffix.
 
-    Raises PolicyError, one line, if the file has a fault.
+    Raises PolicyError, one line, if the file cannot be read, is invalid, or exceeds a limit on its size.
     """
     try:
         content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else MAX_BYTES)
@@ -301,9 +311,9 @@ def load_settings(file: Path) -> FileSettings:
 
 
 def _check_keys(settings: Any, file: Path) -> None:
-    """Raise PolicyError if a key, at any depth, is not a short text, a number or null.
+    """Raise PolicyError if a key in the settings, at any depth, is not a short text, a number or null.
 
-    Each collection is checked only once, because YAML aliases may repeat it many times.
+    Each list and dictionary is checked only once, because YAML aliases may repeat it many times.
     """
     seen = set[int]()
     waiting = [settings]
@@ -322,14 +332,14 @@ def _check_keys(settings: Any, file: Path) -> None:
 
 
 def _parse_number(value: object) -> float | None:
-    """Convert a number or a text to a finite number; None if this is impossible.
+    """Convert a number or text in a settings file to a finite number; None if this is impossible.
 
     Texts are accepted because YAML reads numbers such as 1e-3 as texts.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and (len(value) > MAX_DIGITS or not DECIMAL_NUMBER.fullmatch(value)):
-        return None  # because `float` would accept texts such as 1_0 and digits of other scripts
+        return None  # The text is rejected here because `float` also accepts 1_0 and digits of other scripts.
     try:
         number = float(value)
     except (ValueError, OverflowError):

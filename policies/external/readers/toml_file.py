@@ -1,6 +1,6 @@
-"""This project's TOML format of a specification.
+"""Reader and writer of this project's TOML format for the specification of an external policy.
 
-A file has the fields of a `PolicySpec` that differ from their defaults.
+A file contains the fields of a `PolicySpec` that differ from their default values.
 """
 
 import json
@@ -17,11 +17,14 @@ from policies.parameters import is_number
 
 Spec = TypeVar("Spec", PolicySpec, SpecTerm, HeightGrid)
 MAX_LINE = 100
-"""Maximum number of characters of a list that is written in one line."""
+"""Maximum number of characters of a TOML list in one line; longer lists are written in several lines."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse a specification in TOML. Raises PolicyError for a missing, unknown or wrong field."""
+    """Parse a policy's specification from the settings of a TOML file.
+
+    Raises PolicyError if a field is missing, unknown or wrong.
+    """
     values = settings.values
     if "network" in values:
         values["network"] = find_network(settings.file.parent, settings.text("network"))
@@ -39,13 +42,13 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def write_toml(spec: PolicySpec, file: Path) -> None:
-    """Write a specification as a TOML file, from which `parse_spec` reads the same specification.
+    """Write a policy's specification to a TOML file; `parse_spec` then reads the same specification.
 
     The path of the network is written relative to the folder of `file`.
 
     Args:
-        spec: Specification.
-        file: TOML file to write.
+        spec: Specification of the policy.
+        file: Path of the TOML file that is written.
     """
     lines = [f"{name} = {value}\n" for name, value in _non_default_fields(spec, file.absolute().parent)]
     remarks = [f"# {remark}\n" for remark in spec.remarks]
@@ -54,24 +57,24 @@ def write_toml(spec: PolicySpec, file: Path) -> None:
 
 
 def as_toml(name: str, value: Any) -> str:
-    """Format the value of a specification's field as TOML.
+    """Format the value of a field of `PolicySpec` as TOML, in its short form.
 
     Args:
         name: Name of the field.
         value: Value of the field.
 
     Returns:
-        TOML text of the value.
+        TOML text of the value; equal values of all joints are written as one value.
     """
     return _format(_shorten(name, value, Path()))
 
 
 def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
-    """Return the value of a field for each joint.
+    """Return the value that the TOML file has for the field `name`, expanded to one value per joint.
 
-    A single value, or a range of two numbers, is repeated twelve times. A table has one value for each part of joint
-    names, such as `hip`. Any other list is returned unchanged. Raises PolicyError if a joint's name does not contain
-    exactly one key of the table.
+    A single value, or a range of two numbers, is repeated twelve times. In a TOML table, each key is a part of joint
+    names, such as `hip`, and has the value of these joints. Any other list is returned unchanged. Raises PolicyError if
+    a joint's name does not contain exactly one key of the table.
     """
     if isinstance(value, dict) and isinstance(joints, list | tuple):
         values = []
@@ -86,7 +89,7 @@ def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
 
 
 def _parse_term(given: Any) -> SpecTerm:
-    """Make an observation term from its name, or from a table of its fields."""
+    """Make an observation term from its name, or from a TOML table with the fields of `SpecTerm`."""
     if not isinstance(given, dict):
         return _make(SpecTerm, {"name": given})
     parsed: dict[str, Any] = {}
@@ -98,7 +101,7 @@ def _parse_term(given: Any) -> SpecTerm:
 
 
 def _make(kind: type[Spec], values: dict[str, Any]) -> Spec:
-    """Make a dataclass from the values of its fields.
+    """Make an instance of the dataclass `kind` from a dictionary: field name -> value in the TOML file.
 
     Raises PolicyError if a field is unknown, missing or wrong.
     """
@@ -115,9 +118,9 @@ def _to_tuples(value: Any) -> Any:
 
 
 def _non_default_fields(spec: Any, folder: Path = Path()) -> list[tuple[str, str]]:
-    """Return name and TOML text of each field that differs from its default.
+    """Return pairs of name and TOML text for the fields of `spec` that differ from their defaults.
 
-    Paths are relative to `folder`.
+    The dataclass `spec` is a specification, an observation term or a grid. Paths are relative to `folder`.
     """
     texts = []
     for field in fields(spec):
@@ -128,10 +131,10 @@ def _non_default_fields(spec: Any, folder: Path = Path()) -> list[tuple[str, str
 
 
 def _shorten(name: str, value: Any, folder: Path) -> Any:
-    """Return the short form of a field's value.
+    """Return the short form of the value of a specification's field, for the TOML file.
 
-    A path becomes relative to `folder`, equal values of all joints become one value, and a term that has only default
-    settings becomes its name.
+    A path becomes relative to `folder`. Equal values of all joints become one value. An observation term that has only
+    default settings becomes its name.
     """
     if isinstance(value, Path):
         return Path(os.path.relpath(value, folder)).as_posix()
@@ -143,7 +146,7 @@ def _shorten(name: str, value: Any, folder: Path) -> Any:
 
 
 def _format(value: Any) -> str:
-    """Format a value as TOML; a list longer than MAX_LINE takes several lines."""
+    """Format a value as TOML; a list of more than MAX_LINE characters is written in several lines."""
     if isinstance(value, bool | str):
         return json.dumps(value, ensure_ascii=False)
     if is_dataclass(value):

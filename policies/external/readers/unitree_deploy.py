@@ -1,10 +1,9 @@
-"""Reader of Unitree's `deploy.yaml`.
+"""Reader of Unitree's `deploy.yaml`, the settings of a policy for deployment on a robot.
 
-unitree_rl_lab and unitree_rl_mjlab export this file together with a network.
-
-Joint i of the policy is motor `joint_ids_map[i]` of Unitree's SDK. The gains are in the order of the motors. All other
-values are in the order of the policy. Terms are clipped and then scaled, or scaled first if `scale_first` is set. With
-`use_gym_history`, all terms of a control step are together in the history, and the oldest step is first.
+unitree_rl_lab and unitree_rl_mjlab export this file together with a network. Joint i of the policy is motor
+`joint_ids_map[i]` of Unitree's SDK. The servo gains are in the order of the motors. All other values per joint are in
+the order of the policy. Observation terms are clipped and then scaled, or scaled first if `scale_first` is set. With
+`use_gym_history`, all terms of a control step are together in the history, and the oldest control step is first.
 
 Sources: unitree_rl_lab `utils/export_deploy_cfg.py` and `deploy/include/isaaclab`.
 """
@@ -19,7 +18,10 @@ from policies.external.spec import Numbers, PolicySpec, Range, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Parse a `deploy.yaml`. Raises PolicyError for a missing, wrong or unsupported setting."""
+    """Parse a policy's specification from Unitree's `deploy.yaml`.
+
+    Raises PolicyError if a setting is missing, wrong or unsupported.
+    """
     motors = settings.permutation("joint_ids_map")
     action = _find_action(settings)
     order = action.permutation("joint_ids", optional=True)
@@ -54,7 +56,7 @@ def _in_order(values: Numbers, indices: tuple[int, ...]) -> Numbers:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action. Raises PolicyError unless it is a JointPositionAction."""
+    """Return the settings of the only action term; raise PolicyError if it is not a JointPositionAction."""
     actions = settings.section("actions")
     if list(actions.values) != ["JointPositionAction"]:
         settings.raise_invalid("actions", "JointPositionAction alone")
@@ -62,7 +64,11 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _observation_group(settings: FileSettings) -> FileSettings:
-    """Return the settings of the observation terms. Raises PolicyError if the network has several inputs."""
+    """Return the settings with one section per observation term.
+
+    The sections are at the top level of `observations`, or in its only group. Raises PolicyError if there are several
+    groups, because the network then has several inputs.
+    """
     observations = settings.section("observations")
     groups = [group for _, group in observations.sections()]
     if not groups or "params" in groups[0].values:
@@ -75,7 +81,10 @@ def _observation_group(settings: FileSettings) -> FileSettings:
 def _parse_observed_joints(
     group: FileSettings, terms: dict[str, SpecTerm], asset_joints: JointNames
 ) -> JointNames | None:
-    """Return the joint names in the order of the observation; None if no term observes joints."""
+    """Return the joint names in the order of the observation; None if no term contains joint quantities.
+
+    `asset_joints` has all joint names in the order of the key `joint_ids_map`.
+    """
 
     def order(name: str) -> JointNames:
         return _select_joints(asset_joints, group.section(name).optional_section("params", "asset_cfg"))
@@ -84,10 +93,10 @@ def _parse_observed_joints(
 
 
 def _parse_term(name: str, settings: FileSettings, scale_first: bool) -> SpecTerm:
-    """Parse an observation term.
+    """Parse the observation term `name` from its settings.
 
-    A `PolicySpec` clips before it scales. Therefore the clip of a term that is scaled first is divided by the scale.
-    Raises PolicyError if this is impossible.
+    If `scale_first` is True, the term is scaled before it is clipped. A `PolicySpec` clips first. The clip is therefore
+    divided by the scale. Raises PolicyError if the term has several scales, or a scale that is not positive.
     """
     term = make_term(name, settings)
     if not scale_first or term.clip is None:
@@ -102,9 +111,9 @@ def _select_joints(asset_joints: JointNames, settings: FileSettings) -> JointNam
 
 
 def _parse_target_clip(action: FileSettings) -> tuple[Range, ...] | None:
-    """Return the range of each joint target, rad; None if there are no limits.
+    """Return minimum and maximum of each joint target, in the order of the actions, rad; None: no limits.
 
-    Raises PolicyError if the setting is not a list of ranges.
+    Raises PolicyError if the setting `clip` of the action is not a list of ranges.
     """
     clip = action.find("clip")
     if clip is None:

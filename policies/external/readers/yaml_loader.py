@@ -1,8 +1,8 @@
-"""YAML loader for files of other projects: safe, strict, and with limits on sizes.
+"""YAML loader for files of other projects: it never runs code in a file, and limits sizes.
 
 The loader follows YAML 1.1 with three restrictions. Dates, digit groups (`1_000`) and numbers of base sixty (`1:30`)
-remain texts. Duplicate keys, collections as keys, and mappings of more than MAX_PAIRS keys are errors. Python tags run
-no code.
+remain texts. Duplicate keys, lists or mappings as keys, and mappings of more than MAX_PAIRS keys are errors. Tags of
+Python objects run no code: only tuples and slices are accepted.
 """
 
 import re
@@ -16,26 +16,26 @@ from quad_env.files.text import brief
 MAX_PAIRS = 20_000
 """Maximum number of keys of a mapping in a YAML file, including merged keys (`<<`)."""
 MAX_DIGITS = 100
-"""Maximum number of characters of a number."""
+"""Maximum number of characters of a number in a YAML file."""
 DECIMAL_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-"""Pattern of a finite decimal number."""
+"""Pattern of a finite decimal number as text, such as `-1.5e3`."""
 _PYTHON_TAG = "tag:yaml.org,2002:python/"
 _INTEGER = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
-"""Pattern of the accepted integers of YAML 1.1."""
+"""Pattern of the integers of YAML 1.1 that the loader accepts: binary, octal, decimal and hexadecimal."""
 _FLOAT = re.compile(
     r"[-+]?(?:[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?|\.[0-9]+(?:[eE][-+][0-9]+)?|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$"
 )
-"""Pattern of the accepted floats of YAML 1.1."""
+"""Pattern of the floats of YAML 1.1 that the loader accepts, including `.inf` and `.nan`."""
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse a YAML text.
+    """Parse a YAML text from a file of another project.
 
     Args:
-        text: YAML text.
+        text: Content of the YAML file.
 
     Returns:
-        Content as lists, dictionaries and scalars.
+        Value of the YAML document: nested lists, dictionaries and scalars.
 
     Raises:
         ValueError: The text is not valid YAML, or exceeds a limit.
@@ -60,9 +60,11 @@ def parse_yaml(text: str) -> Any:
 
 
 def _resolvers(base: Any) -> dict[Any, list[tuple[str, Any]]]:
-    """Return the resolvers that recognise the types of scalars: first character -> tags and patterns.
+    """Return the resolvers with which the YAML loader recognises the type of a scalar.
 
-    Numbers must match `_INTEGER` or `_FLOAT`, and dates are not recognised.
+    The result is a dictionary: first character of the scalar -> pairs of tag (type) and pattern. It is the dictionary
+    of the loader class `base` with two changes: numbers must match `_INTEGER` or `_FLOAT`, and dates are not
+    recognised.
     """
     patterns = {"tag:yaml.org,2002:int": _INTEGER, "tag:yaml.org,2002:float": _FLOAT}
     return {
@@ -76,7 +78,10 @@ def _scalar_constructor(parse: Callable[[str], Any]) -> Callable[[Any, Any], Any
 
 
 def _parse_integer(text: str) -> int:
-    """Parse an integer of YAML 1.1. Raises ValueError if the text is not one or is too long."""
+    """Convert the text of a YAML 1.1 integer to a number.
+
+    Raises ValueError if the text is no integer or has more than MAX_DIGITS characters.
+    """
     if len(text) > MAX_DIGITS or not _INTEGER.match(text):
         raise ValueError(f"{brief(text)} is no whole number")
     sign = -1 if text[0] == "-" else 1
@@ -87,7 +92,7 @@ def _parse_integer(text: str) -> int:
 
 
 def _parse_float(text: str) -> float:
-    """Parse a float of YAML 1.1. Raises ValueError if the text is not one."""
+    """Convert the text of a YAML 1.1 float to a number. Raises ValueError if the text is no float."""
     plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
     if plain.lstrip("+-") in ("inf", "nan") or DECIMAL_NUMBER.fullmatch(plain):
         return float(plain)
@@ -95,10 +100,10 @@ def _parse_float(text: str) -> float:
 
 
 def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
-    """Insert the keys that a mapping merges (`<<`) before the keys of the mapping itself.
+    """Insert the keys of other mappings that a YAML mapping merges (`<<`) before its own keys.
 
-    The mapping's own keys are recorded, because only they are checked for duplicates. Raises ValueError for more than
-    MAX_PAIRS keys.
+    The mapping's own keys are recorded in `loader.own_keys`, because only they are checked for duplicates. Raises
+    ValueError if the mapping then has more than MAX_PAIRS keys.
     """
     loader.own_keys.setdefault(id(node), {id(key) for key, _ in node.value})
     base.flatten_mapping(loader, node)
@@ -107,9 +112,9 @@ def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
 
 
 def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
-    """Return the dictionary of a mapping node.
+    """Convert a mapping node of the YAML parser to a dictionary.
 
-    Raises ValueError if one of the mapping's own keys is given twice, or if a key is a collection.
+    Raises ValueError if the mapping contains one of its own (not merged) keys twice, or if a key is a list or mapping.
     """
     if not isinstance(node, import_package("yaml").MappingNode):
         raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
@@ -130,9 +135,9 @@ def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, 
 
 
 def _construct_python(loader: Any, kind: str, node: Any) -> Any:
-    """Return the value of a node with a Python tag: a list for a tuple, None for a slice.
+    """Convert a YAML node with a Python tag: a tuple becomes a list, and a slice becomes None.
 
-    Raises PolicyError for other tags.
+    `kind` is the part of the tag after `python/`. Raises PolicyError for all other kinds, and never runs their code.
     """
     if kind == "tuple":
         return loader.construct_sequence(node, deep=True)
