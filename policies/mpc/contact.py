@@ -166,7 +166,8 @@ class ContactEstimator(PerRobotState):
                 contact.
 
         Returns:
-            Mean ground reaction forces on the feet over the last control period, level frame, (n, 4, 3), N.
+            Mean ground reaction forces on the feet over the last control period, level frame, (n, 4, 3), N. If encoders
+            read the joints, they are means over the last two control periods.
         """
         forces, unexplained = self._solve_contact_forces(motion, in_mid_swing)
         self._turn_wrench(self._period * motion.angular_velocity[:, 2])

@@ -57,7 +57,9 @@ class TerrainPlane(NamedTuple):
     """Ground planes under n robots, level frame (origin at the trunk centre, z up, x forward)."""
 
     height: Floats
-    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; normally negative."""
+    """Height of the ground plane at x = y = 0 (under the trunk centre), relative to the trunk centre, (n,), m.
+
+    It is negative if the ground is below the trunk centre."""
     forward: Floats
     """Slope of the ground plane in the forward direction, rise per metre, (n,)."""
     lateral: Floats

@@ -1,8 +1,8 @@
 """Base class of the model-based controllers, with the five phases of a control step.
 
-The phases are: estimate the state, plan the contacts, plan the contact forces, solve for the joint torques, and convert
-the torques to joint targets. The targets are computed by inverting the PD law of the servos. The servos therefore give
-the planned torques halfway through the control period.
+The phases are: estimate the state, plan the contacts, plan the contact forces, compute the joint torques, and convert
+the torques to joint targets. The joint targets follow from the inverse of the servos' PD law. With these targets, the
+servos give the planned torques halfway through the control period.
 """
 
 from abc import abstractmethod
@@ -48,47 +48,55 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 
 FREQUENCY_FILTER_GAIN = 0.3
-"""Gain of the low-pass filter of the step frequency, per control period, 0 to 1."""
+"""Gain per control period of the low-pass filter of the step frequency, 0 to 1."""
 MIN_HURRY_ERROR = 0.4
-"""Horizontal velocity error above which the step frequency rises, m/s."""
+"""Horizontal velocity error above which the step frequency is increased, m/s."""
 MAX_JOINT_ACCELERATION = 2000.0
-"""Bound of the planned joint accelerations that the inverse servo law and the joint predictor use, rad/s²."""
-SOLVER_FAILURE_TIMEOUT = 0.1
-"""Time without a valid solution or observation after which a robot starts its controlled stop, s.
+"""Bound of the absolute planned joint accelerations, rad/s².
 
-It is half a step of the gait."""
+The accelerations are clipped to it before they are used in the inverse servo law and in the joint predictor."""
+SOLVER_FAILURE_TIMEOUT = 0.1
+"""Time after which a robot starts a controlled stop if it has had no valid solution or observation, s.
+
+The time is half of a swing phase of the trot."""
 
 
 class ControlState(NamedTuple):
-    """State and force estimates of n robots; the result of the first phase of a control step."""
+    """Estimated states and forces of n robots; the result of the first phase of a control step."""
 
     motion: MotionState
     """Predicted state of n robots at the time when the next joint targets act.
 
-    Its dynamics include the load on the trunk. Its command includes the feedback of the position error."""
+    The dynamics of the state include the load on the trunk. Its velocity command includes the feedback of the position
+    error."""
     contact_forces: Floats
-    """Estimated forces on the feet in the control period before the readings, level frame, (n, 4, 3), N."""
-    disturbance_wrench: Floats
-    """External wrench on the trunk except for the weight of the load, (n, 6).
+    """Estimated mean forces on the feet over the last control period before the readings, level frame, (n, 4, 3), N.
 
-    Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
+    If encoders read the joints, they are means over the last two control periods."""
+    disturbance_wrench: Floats
+    """External wrench on the trunk of each robot minus the weight of the load, (n, 6).
+
+    The first three numbers are the force, level frame, N; the others are the moment about the trunk centre, base frame,
+    N·m."""
     disturbance_acceleration: Floats
-    """Acceleration that `disturbance_wrench` causes, level frame, (n, 6): linear, m/s², then angular, rad/s²."""
+    """Acceleration that the external wrench causes, except for the weight of the load, level frame, (n, 6).
+
+    The first three numbers are the linear acceleration, m/s², and the others the angular acceleration, rad/s²."""
     friction: Friction
-    """Bounds of the contact forces: friction coefficient and largest vertical force of each robot."""
+    """Bounds of the contact forces: friction coefficient and largest vertical force on a foot of each robot."""
 
 
 class ContactPlan(NamedTuple):
     """Planned contacts and foot motions of n robots; the result of the second phase of a control step."""
 
     stance: Mask
-    """True for feet that carry the robot in the next control period, (n, 4)."""
+    """True for stance feet, which carry the robot in the next control period, (n, 4)."""
     ground: TerrainPlane
-    """Estimated ground plane under each robot."""
+    """Estimated ground plane under each of n robots, level frame."""
     foothold_positions: Floats
-    """Planned position (x, y) of the next touch-down of each foot, level frame, (n, 4, 2), m."""
+    """Planned position (x, y) of each foot at its next touch-down, level frame, (n, 4, 2), m."""
     foot_acceleration: Floats
-    """Reference accelerations of the feet, level frame, (n, 4, 3), m/s²."""
+    """Reference accelerations of the feet for the next control period, level frame, (n, 4, 3), m/s²."""
 
 
 class StanceForces(NamedTuple):
@@ -99,13 +107,16 @@ class StanceForces(NamedTuple):
     moment_arms: Floats
     """Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m."""
     failed: Mask
-    """True for robots that needed a new force plan but got no solution, (n,)."""
+    """True for robots that needed a new force plan but kept the old one, (n,).
+
+    The reason is that the quadratic program of the MPC has no solution for them."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
-    """Return the observation, (k,), of a robot that stands level in the home pose.
+    """Return the observation, (k,), of a robot that stands level in the home pose, for the robot of a `policy`.
 
-    Its height scan is empty. It replaces an observation that is not finite, if the robot has not had a finite one yet.
+    The height scan in this observation is empty. The observation replaces one that is not finite, if the robot has not
+    had a finite observation yet.
     """
     table = table_with(policy.robot, policy.height_scan)
     observation = np.zeros(table.size, np.float32)
@@ -115,9 +126,10 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
 
 
 def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
-    """Return the velocity, level frame, (n, 4, 3), m/s, that points have if they are fixed to the trunk.
+    """Return the velocity of points that move with the trunk, level frame, (n, 4, 3), m/s.
 
-    The points turn with the yaw rate only. `position`: points relative to the trunk centre, level frame, (n, 4, 3), m.
+    Of the angular velocity of the trunk, only the yaw rate is considered. `position`: points relative to the trunk
+    centre, level frame, (n, 4, 3), m.
     """
     velocity = np.empty_like(position)
     velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
@@ -128,39 +140,45 @@ def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
 class ModelBased(GaitedPolicy):
     """Base class of gaited controllers that use a dynamic model of the robot.
 
-    Stance feet apply planned forces, and swing feet track a trajectory to the next foothold. A robot repeats its last
-    force plan or its last targets if the solver fails or the observation is not finite. After `SOLVER_FAILURE_TIMEOUT`
-    it starts a controlled stop.
+    Stance feet apply planned forces, and swing feet track a trajectory to the next foothold. If a quadratic program has
+    no solution, the robot continues with its last force plan or its last joint targets. If an observation is not
+    finite, the last finite one is used. The robot starts a controlled stop after `SOLVER_FAILURE_TIMEOUT` of
+    consecutive failures.
 
     Args:
         parameters: Parameters of gait, footholds, swing and estimators.
         leg_offsets: Phase of each leg minus the phase of the gait clock, in the leg order of the robot, rad.
         robot: Robot that is controlled.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        joint_delay_steps: Delay of the joint encoders, control steps; 0 if the joint readings are the undelayed true
+            values.
         actuator: Model of the joint motors.
     """
 
     parameters: ModelParameters
-    stiff_servos = False  # because the targets compensate the servo error under load, and soft servos yield at impacts
+    # The servos are soft, because the joint targets compensate the servo error under load, and because soft servos
+    # yield at impacts.
+    stiff_servos = False
     stopped: Mask = per_robot(False)
-    """True for robots in a controlled stop after repeated failures, (n,)."""
+    """True for robots in a controlled stop, which starts after consecutive failures, (n,)."""
     _observation_invalid: Mask = per_robot(False)
     """True for robots with an observation that is not finite in the present control step, (n,)."""
     _failed_steps: NDArray[np.int64] = per_robot(0)
-    """Number of consecutive control steps with a failed solver or an observation that is not finite, (n,)."""
+    """Number of consecutive control steps of each robot with a failed solver or an invalid observation, (n,).
+
+    An observation is invalid if it is not finite."""
     _is_first_step: Mask = per_robot(True)
-    """True for robots that have not acted since their reset, (n,)."""
+    """True for robots that have not made a control step since their reset, (n,)."""
     _was_swing: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were in swing in the last control step, (n, 4)."""
+    """True for feet that were in their swing phase in the last control step, (n, 4)."""
     _frequencies: Floats = per_robot()
-    """Present step frequency of each robot, in gait cycles per second, (n,), Hz."""
+    """Present step frequency of each robot in gait cycles per second, (n,), Hz."""
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
-    """Position (x, y) of each foot at its last lift-off, level frame at that time, (n, 4, 2), m."""
+    """Position (x, y) of each foot at its last lift-off, in the level frame of that time, (n, 4, 2), m."""
     _targets: Floats = per_robot()
-    """Joint targets of the last control step, (n, 12), rad."""
+    """Joint targets of n robots in the last control step, (n, 12), rad."""
     _last_observation: NDArray[np.float32] = per_robot(_observation_at_rest)
-    """Last finite observation of each robot, (n, k)."""
+    """Last finite observation of each robot, (n, k); it replaces an observation that is not finite."""
 
     def __init__(
         self,
@@ -211,19 +229,19 @@ class ModelBased(GaitedPolicy):
         return to_actions(self.robot, self._targets)
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations `rows`, (n, k), in which those that are not finite are replaced.
+        """Return the observations `rows`, (n, k), with a replacement for each robot's observation that is not finite.
 
-        Each is replaced by the last finite observation of the same robot.
+        The replacement is the last finite observation of the same robot.
         """
         self._observation_invalid[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._observation_invalid[:, None], self._last_observation, rows)
 
-    # Phase 1: estimate.
+    # Phase 1 of a control step: estimate the state.
 
     def _estimate(self, observation: NDArray[np.float32]) -> ControlState:
         """Estimate state, contact forces, external wrench and friction of n robots.
 
-        `observation`: observations, (n, k), from which the encoder offsets are removed.
+        `observation`: observations, (n, k), after the encoder offsets have been subtracted from the joint angles.
         """
         p = self.parameters
         observer = self.observer
@@ -231,7 +249,7 @@ class ModelBased(GaitedPolicy):
         load = estimate_load(contact_estimator.wrench, p.load_height)
         measured = add_load(observer.read(observation, contact_estimator.wrench), load)
         if observer.noise_unknown.any():
-            # The estimates are reset, because noise of unknown variance would be taken for pushes and loads.
+            # The contact estimates are reset, because noise of unknown variance would be taken for pushes and loads.
             contact_estimator.reset_where(observer.noise_unknown)
         contact_forces = contact_estimator.estimate(
             measured, load.gravity_wrench(measured.rotation), self._feet_in_mid_swing()
@@ -252,22 +270,22 @@ class ModelBased(GaitedPolicy):
         )
 
     def _feet_in_mid_swing(self) -> Mask:
-        """Return True for feet that the gait had in mid-swing at the time of the readings, (n, 4)."""
+        """Return True for feet that were in mid-swing, according to the gait, when the sensors were read, (n, 4)."""
         cycle = self._cycle_at_measurement()
         return cycle.swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
 
     def _cycle_at_measurement(self) -> LegCycle:
-        """Return the gait cycle of the legs, (n, 4), at the time of the readings.
+        """Return the gait cycle of the legs, (n, 4), at the time when the sensors were read.
 
-        This time lies before the present phase of the gait clock, by the estimated delay.
+        This time is earlier than the time of the gait clock by the estimated delay.
         """
         delay_time = self.control_period * self.observer.delays
         return self._gait.legs(self._phase - TURN * self._frequencies * delay_time)
 
-    # Phase 2: plan the contacts.
+    # Phase 2 of a control step: plan the contacts.
 
     def _advance_gait_clock(self, state: MotionState) -> None:
-        """Advance the gait clocks by one control step; the step frequency rises with a large velocity error."""
+        """Advance the gait clock of each robot by one control step; a large velocity error raises its frequency."""
         p = self.parameters
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
         faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
@@ -294,10 +312,10 @@ class ModelBased(GaitedPolicy):
         return ContactPlan(contacts.stance, ground, foothold_positions, foot_acceleration)
 
     def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
-        """Classify the feet as stance, late or landed.
+        """Classify the feet as stance, late or landed, see `ContactState`.
 
-        `cycle`: present gait cycle of the legs, (n, 4); `contact_forces`: forces on the feet, level frame, (n, 4, 3),
-        N.
+        `cycle`: present gait cycle of the legs, (n, 4); `contact_forces`: estimated forces on the feet, level frame,
+        (n, 4, 3), N.
         """
         cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
         return classify_contacts(
@@ -315,13 +333,17 @@ class ModelBased(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the ground plane through the footprints; `landed`: True for feet on the ground, (n, 4)."""
+        """Return the ground plane through the last footprints of each robot.
+
+        `landed`: True for feet on the ground, (n, 4); their present positions become footprints.
+        """
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the function for the terrain height under the swings to the footholds, (n, 4, 2), m.
+        """Return the function that gives the terrain height under the swing feet.
 
-        The height is the height of the ground plane, raised in mid-swing on rough ground.
+        It returns the height of the plane `ground`, to which a height for rough ground is added in mid-swing. A
+        subclass may use the next footholds `foothold_positions`, (x, y), level frame, (n, 4, 2), m.
         """
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
@@ -331,8 +353,8 @@ class ModelBased(GaitedPolicy):
     ) -> Floats:
         """Return the reference accelerations of the feet, level frame, (n, 4, 3), m/s².
 
-        Swing feet track their trajectory by a PD law. The velocity of stance feet is damped. Late feet, which should be
-        in stance but have not touched the ground, are lowered at `search_speed`.
+        A swing foot tracks its trajectory by a PD law. A stance foot is decelerated in proportion to its velocity. A
+        late foot, which should be in stance but has not touched the ground, is lowered at `search_speed`.
         """
         p = self.parameters
         foot_velocity = state.foot_velocity
@@ -360,27 +382,27 @@ class ModelBased(GaitedPolicy):
         return np.where(contacts.stance[..., None], -p.stance_damping * foot_velocity, foot_acceleration)
 
     def _record_liftoff(self, state: MotionState, cycle: LegCycle) -> None:
-        """Store the positions of the feet that begin their swing in this control step."""
+        """Store the lift-off positions of the feet that begin their swing phase in this control step."""
         lifted = cycle.swing & ~self._was_swing
         self._was_swing = cycle.swing
         self._liftoff_position = np.where(lifted[..., None], state.bodies.feet[..., :2], self._liftoff_position)
 
-    # Phase 3: plan the forces.
+    # Phase 3 of a control step: plan the contact forces.
 
     @abstractmethod
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Return the planned contact forces of the stance feet; a subclass implements the plan."""
+        """Return the planned contact forces of the stance feet; every subclass implements this method."""
 
-    # Phase 4: solve for the torques.
+    # Phase 4 of a control step: compute the joint torques.
 
     def _make_reference(
         self, control_state: ControlState, contact_plan: ContactPlan, stance_forces: StanceForces
     ) -> WholeBodyReference:
-        """Return the reference of the whole-body controller.
+        """Return the reference accelerations and contact forces for the joint torques of n robots.
 
-        Its angular acceleration is α = I⁻¹ Σ r × f + α_d. I is the rotational inertia about the centre of mass, r are
-        the vectors from the centre of mass to the feet, f are the planned forces, and α_d is the angular acceleration
-        by the disturbance.
+        The reference of the trunk's angular acceleration is α = I⁻¹ Σ r × f + α_d. I is the rotational inertia about
+        the centre of mass. r is the vector from the centre of mass to a foot, and f the planned force on this foot. α_d
+        is the angular acceleration that the external wrench causes.
         """
         state = control_state.motion
         moment = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
@@ -396,34 +418,34 @@ class ModelBased(GaitedPolicy):
     def _solve_torques(
         self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
     ) -> Torques:
-        """Return the joint torques that track the reference; the torques of each leg are computed separately.
+        """Return the joint torques that track the `reference`; the torques of each leg are computed separately.
 
-        A subclass may override the method with a whole-body QP. `disturbance_wrench`: external wrench on the trunk,
-        (n, 6), N and N·m; `friction`: bounds of the contact forces, which only the QP uses.
+        A subclass may override the method with a whole-body QP. `disturbance_wrench`: external force, level frame, N,
+        and moment, base frame, N·m, on the trunk, (n, 6); `friction`: bounds of the contact forces, which only the QP
+        uses.
         """
         return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 
     def _torque_limits(self, state: MotionState) -> tuple[Floats, Floats]:
-        """Return the smallest and largest torques of the joints at their present speeds, (n, 12) each, N·m."""
+        """Return the minimum and maximum torques of the joints at their present speeds, (n, 12) each, N·m."""
         return self.observer.servos.limits(state.generalised_velocity[:, 6:])
 
-    # Phase 5: convert to targets.
+    # Phase 5 of a control step: convert the joint torques to joint targets.
 
     def _invert_servo_law(self, state: MotionState, torques: Torques) -> Mask:
-        """Set the joint targets with which the servos give the planned torques.
+        """Set the joint targets with which the servos give the planned torques halfway through the control period.
 
-        The servos give these torques halfway through the control period.
-
-        The target is u = q + (τ + d q̇) / k: τ is the torque, d the servo damping and k the servo stiffness. The joint
-        angle q and speed q̇ are integrated over half a control period at the planned acceleration.
+        The inverse of the PD law of a servo gives the target u = q + (τ + d q̇) / k. τ is the planned torque, d the
+        servo damping and k the servo stiffness. q and q̇ are the joint angle and speed after half a control period at
+        the planned acceleration.
 
         Args:
             state: State of n robots at the time when the targets act.
             torques: Planned joint torques and accelerations.
 
         Returns:
-            True for robots that have no solution or targets that are not finite, (n,). They keep their last targets if
-            the new targets are not finite.
+            True for robots with torques that are not valid or targets that are not finite, (n,). A robot keeps its last
+            targets if the new targets are not finite.
         """
         robot = self.robot
         half_period = 0.5 * self.control_period
@@ -438,11 +460,11 @@ class ModelBased(GaitedPolicy):
         return ~torques.has_solution | ~finite.all(axis=1)
 
     def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joint_position: Floats) -> None:
-        """Start a controlled stop of robots that have failed for `SOLVER_FAILURE_TIMEOUT`.
+        """Start a controlled stop of the robots that have failed for `SOLVER_FAILURE_TIMEOUT`.
 
-        The stop lasts until the robot is reset.
+        The stop of a robot lasts until its reset. During the stop, the method replaces the joint targets of the robot.
         `failed`: True for robots with a failed solver or an invalid observation in this control step, (n,);
-        `joint_position`: joint angles, (n, 12), rad.
+        `observation`: observations, (n, k); `joint_position`: joint angles, (n, 12), rad.
         """
         self._failed_steps = np.where(failed, self._failed_steps + 1, 0)
         giving_up = np.greater(self._failed_steps * self.control_period, SOLVER_FAILURE_TIMEOUT) & ~self.stopped

@@ -1,7 +1,7 @@
 """Model-predictive controllers `Mpc` and `MpcWbc`.
 
-Both plan the contact forces by condensed MPC of a single rigid body. `Mpc` computes the joint torques of each leg
-separately, `MpcWbc` by a whole-body QP.
+Both plan the contact forces by condensed MPC, with the robot modelled as a single rigid body. `Mpc` computes the joint
+torques of each leg separately. `MpcWbc` computes the torques of all joints together by a whole-body QP.
 """
 
 import numpy as np
@@ -27,11 +27,11 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HORIZON = 10
-"""Number of steps of the MPC's prediction horizon."""
+"""Number of steps of the prediction horizon over which the MPC plans the contact forces."""
 
 
 class Mpc(ModelBased):
-    """Policy that walks by convex model-predictive control of the contact forces.
+    """Policy that walks by convex model-predictive control (MPC) of the contact forces.
 
     The planned contact forces are converted to joint torques for each leg separately.
 
@@ -40,7 +40,8 @@ class Mpc(ModelBased):
         gait: Name of the gait: trot, bound, pace, pronk or walk.
         robot: Robot that is controlled, or its name.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        joint_delay_steps: Delay of the joint encoders, control steps; 0 if the joint readings are the undelayed true
+            values.
         actuator: Model of the joint motors.
     """
 
@@ -76,7 +77,7 @@ class Mpc(ModelBased):
         self._solver: Solver = solve
 
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Renew the force plans that are due, and return the planned contact forces of the present step."""
+        """Compute new force plans for the robots that need one, and return the planned forces of the present step."""
         state = control_state.motion
         stance = contact_plan.stance
         stance_schedule, time_in_stance = self._make_schedule(stance)
@@ -98,16 +99,16 @@ class Mpc(ModelBased):
         return StanceForces(forces, moment_arms[:, 0], failed)
 
     def _make_schedule(self, stance: Mask) -> tuple[Mask, Floats]:
-        """Return the contact schedule: which feet are in stance in each of the N steps of the MPC horizon.
+        """Return the contact schedule: the stance feet in each of the N steps of the MPC horizon.
 
-        The first step has the present stance feet. In the other steps, the gait gives the stance feet.
+        In the first step, the stance feet are the present ones. In the other steps, they follow from the gait.
 
         Args:
-            stance: True for the present stance feet, (n, 4).
+            stance: True for feet that are in stance now, (n, 4).
 
         Returns:
             stance_schedule: True for stance feet in each step of the horizon, (n, N, 4).
-            time_in_stance: Time since the touch-down of each stance foot, in each step, (n, N, 4), s.
+            time_in_stance: Time since the touch-down of each stance foot, in each step of the horizon, (n, N, 4), s.
         """
         phase_ahead = TURN * self._frequencies[:, None] * self._horizon.step_middles
         cycle = self._gait.legs(self._phase[:, None] + phase_ahead)
@@ -118,9 +119,10 @@ class Mpc(ModelBased):
     def _predict_moment_arms(
         self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
     ) -> Floats:
-        """Predict the vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m.
+        """Predict the vectors from the centre of mass to the feet over the MPC horizon, level frame, (n, N, 4, 3), m.
 
-        `stance_schedule` and `time_in_stance` are the results of `_make_schedule`.
+        `stance_schedule` and `time_in_stance`, (n, N, 4), are the results of `_make_schedule` for the N steps of the
+        horizon.
         """
         bodies = state.bodies
         foothold_height = self._foothold_height(
@@ -140,7 +142,11 @@ class Mpc(ModelBased):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the ground height under each foot over the horizon, level frame, (n, 1 or N, 1 or 4), m."""
+        """Return the ground height under each foot in each of the N steps of the MPC horizon, (n, 1 or N, 1 or 4), m.
+
+        The height is relative to the trunk centre. Here it is the height of the ground plane under the trunk centre,
+        (n, 1, 1), for all feet and steps; a subclass may use `foothold_positions` and `stance_schedule`.
+        """
         return ground.height[:, None, None]
 
     def _plan(
@@ -153,19 +159,21 @@ class Mpc(ModelBased):
         stance_schedule: Mask,
         friction: Friction,
     ) -> Mask:
-        """Compute new force plans by MPC, for the robots that need one.
+        """Compute new force plans by MPC for the robots that need one.
 
         Args:
-            due: True for robots that need a new plan, (n,).
+            due: True for robots that need a new force plan, (n,).
             state: State of n robots.
             ground: Ground plane under each robot.
-            disturbance_acceleration: Acceleration by external forces, level frame, (n, 6), m/s² and rad/s².
-            moment_arms: Vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m.
+            disturbance_acceleration: Acceleration that the external wrench causes, level frame, (n, 6): linear, m/s²,
+                then angular, rad/s².
+            moment_arms: Vectors from the centre of mass to the feet in each of the N steps of the horizon, level frame,
+                (n, N, 4, 3), m.
             stance_schedule: True for stance feet in each step of the horizon, (n, N, 4).
             friction: Bounds of the contact forces.
 
         Returns:
-            True for robots with a quadratic program that has no solution, (n,). They keep their last plan.
+            True for robots with a quadratic program that has no solution, (n,). These robots keep their last plan.
         """
         horizon = self._horizon
         robots = due.nonzero()[0]
@@ -189,9 +197,11 @@ class Mpc(ModelBased):
     def _rigid_body_state(
         self, state: MotionState, ground: TerrainPlane, disturbance_acceleration: Floats
     ) -> RigidBodyState:
-        """Return the state of each robot as a single rigid body, for the MPC.
+        """Return the state of each robot as a single rigid body, the initial state of the MPC.
 
-        Roll and pitch are relative to the ground plane, and the height is relative to its reference above the ground.
+        Roll and pitch are relative to the ground plane. The height is the deviation from the reference height above the
+        ground. `disturbance_acceleration`: acceleration that the external wrench causes, level frame, (n, 6): linear,
+        m/s², then angular, rad/s².
         """
         bodies = state.bodies
         pose = np.zeros((self.num_envs, 6))
@@ -203,10 +213,10 @@ class Mpc(ModelBased):
         return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
 
     def _mpc_reference(self, state: MotionState, ground: TerrainPlane, selection: EnvSelection) -> MpcReference:
-        """Return the reference trajectory of the MPC for some robots.
+        """Return the reference trajectory of the MPC for the robots in `selection` (indices or a slice).
 
-        It starts at the present position and moves at the commanded velocity. `selection`: indices or slice of the
-        robots. The reference stays at a constant height above the ground plane.
+        The reference starts at the present position and moves at the commanded velocity and yaw rate. It stays at a
+        constant height above the ground plane.
         """
         command = state.command
         rate = np.zeros((self.num_envs, 6))
@@ -218,7 +228,7 @@ class Mpc(ModelBased):
 
 
 def _cost_weights(p: MpcParameters) -> MpcWeights:
-    """Return the weights of the MPC's cost; the weight of the horizontal position is zero."""
+    """Return the weights of the MPC's cost from the parameters `p`; the weight of the horizontal position is zero."""
     pose = (p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight)
     angular = (p.turn_weight, p.turn_weight, p.yaw_rate_weight)
     linear = (p.velocity_weight, p.velocity_weight, p.vertical_weight)
@@ -228,7 +238,8 @@ def _cost_weights(p: MpcParameters) -> MpcWeights:
 class MpcWbc(Mpc):
     """Policy that walks by convex MPC of the contact forces and a whole-body QP for the joint torques.
 
-    If the QP of a robot has no solution, its joint torques are computed for each leg separately, as in `Mpc`.
+    If the whole-body QP of a robot has no solution, its joint torques are computed for each leg separately, as in
+    `Mpc`.
     """
 
     name = "mpc_wbc"

@@ -1,4 +1,4 @@
-"""Model-predictive controller that reads ground heights under footholds and swings from a height scan."""
+"""Model-predictive controller that plans footholds and swing trajectories with the ground heights of a height scan."""
 
 from functools import cache
 from typing import NamedTuple
@@ -21,39 +21,45 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
-"""Default grid of the height scan: 29 x 21 points at a spacing of 0.05 m about the trunk."""
+"""Default height scan: a grid of 29 x 21 points around the trunk, at a spacing of 0.05 m."""
 PLANE_FILTER_TIME = 0.1
-"""Time constant of the low-pass filter of the ground plane to which the trunk is kept parallel, s."""
+"""Time constant of the low-pass filter of the ground plane that is fitted to the height scan, s.
+
+The trunk is kept parallel to this plane."""
 NOISE_FLOOR_STD = 0.02
-"""Noise floor: standard deviation estimated for a noise-free scan of terrain with steps, m."""
+"""Noise floor: standard deviation that the noise estimator finds in a noise-free height scan of terrain with steps, m.
+
+It is caused by the motion of the scan over the steps. Its square is subtracted from the estimated noise variance."""
 SWING_SAMPLES = (0.25, 0.5, 0.75)
-"""Points on the way of a swing foot at which the terrain height is read, as fractions of the way to the foothold."""
+"""Points under a swing trajectory at which the terrain height is read from the height scan.
+
+They are fractions of the straight line from the last footprint to the next foothold."""
 PLANE_FIT_HALF_SIZE = (0.45, 0.4)
-"""Half-length and half-width of the rectangle about the trunk in which the ground plane is fitted, m."""
+"""Half-length and half-width of the rectangle around the trunk in which a plane is fitted to the height scan, m."""
 _EDGE = 1e-9
-"""Tolerance for rounding errors of a position, m; also the smallest variance that a variance is divided by, m²."""
+"""Tolerance for rounding errors of a grid position, m; also the smallest divisor in a ratio of variances, m²."""
 
 
 class ScannedTerrain(NamedTuple):
-    """Terrain heights on a grid about n robots, level frame."""
+    """Terrain heights on a grid around each of n robots, level frame (origin at the trunk centre, z up)."""
 
     scan: HeightScan
-    """Grid of the height scan: number and spacing of its points."""
+    """Height scan from which the heights were read; it defines the number and the spacing of the grid points."""
     heights: Floats
-    """Height of the centre of a foot that stands on each grid point, relative to the trunk centre.
+    """Height of the centre of a foot that stands on each grid point, level frame, (n, rows, columns), m.
 
-    Shape (n, rows, columns), m; rows run forward and columns to the left."""
+    The height is relative to the trunk centre. The row index increases forward, and the column index to the left."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the terrain heights at four positions per robot, by bilinear interpolation.
+        """Return the terrain heights at four positions per robot, by bilinear interpolation on the grid.
 
-        A position outside of the grid has the height of the nearest point on the edge.
+        A position outside of the grid has the height of the nearest point on the edge of the grid.
 
         Args:
             positions: Positions (x, y), level frame, (n, 4, 2), m.
 
         Returns:
-            Heights, level frame, (n, 4), m.
+            Heights relative to the trunk centre, (n, 4), m.
         """
         _, num_rows, num_columns = self.heights.shape
         row = _locate(positions[..., 0] / self.scan.spacing + self.scan.behind, num_rows)
@@ -64,9 +70,10 @@ class ScannedTerrain(NamedTuple):
         return interpolated
 
     def _in_row(self, row: EnvIndices, column: "GridCell") -> Floats:
-        """Return the heights in grid rows, (n, 4), m, by linear interpolation between two columns.
+        """Return the terrain heights at points on grid rows, (n, 4), m, by interpolation between two columns.
 
-        `row`: indices of the rows, (n, 4); `column`: the two columns and the position between them.
+        `row`: index of the grid row for each foot, (n, 4); `column`: the two neighbouring columns of each foot and its
+        position between them.
         """
         robot = np.arange(len(row))[:, None]
         height = self.heights[robot, row, column.lower]
@@ -76,18 +83,23 @@ class ScannedTerrain(NamedTuple):
 
 
 class GridCell(NamedTuple):
-    """Two neighbouring grid points on one axis and the position of each foot between them."""
+    """Position of each foot on one axis of a grid: the two neighbouring grid points, and the position between them."""
 
     lower: EnvIndices
-    """Index of the grid point before the foot, (n, 4)."""
+    """Index of the grid point with the next smaller coordinate, for each foot of n robots, (n, 4)."""
     upper: EnvIndices
-    """Index of the grid point after the foot, (n, 4); equal to `lower` at the end of the axis."""
+    """Index of the grid point with the next larger coordinate, for each foot of n robots, (n, 4).
+
+    It equals `lower` at the end of the grid."""
     fraction: Floats
-    """Position of the foot between the grid points `lower` (0) and `upper` (1), (n, 4)."""
+    """Position of each foot between the two neighbouring grid points, (n, 4): 0 at `lower`, 1 at `upper`."""
 
 
 def _locate(coordinate: Floats, count: int) -> GridCell:
-    """Return the grid points around a `coordinate`, (n, 4), in grid steps; the axis has `count` points."""
+    """Return the two grid points next to each `coordinate`, (n, 4), on a grid axis with `count` points.
+
+    The coordinates are counted in grid steps from the first point. They are clipped to the range of the axis.
+    """
     clipped = np.clip(coordinate, 0.0, count - 1.0)
     index = clipped.astype(np.intp)
     return GridCell(index, np.minimum(index + 1, count - 1), clipped - index)
@@ -95,16 +107,17 @@ def _locate(coordinate: Floats, count: int) -> GridCell:
 
 @cache
 def plane_fit_weights(scan: HeightScan) -> Floats:
-    """Return the weights of a least-squares fit of a plane to the heights on a grid.
+    """Return the weights of a least-squares fit of a plane to the heights on the grid of a height scan.
 
-    Each parameter of the plane is the sum of weight × height over the grid points within `PLANE_FIT_HALF_SIZE`.
+    A parameter of the plane is the sum of weight × height over the grid points. The weight is zero outside of the
+    rectangle `PLANE_FIT_HALF_SIZE`.
 
     Args:
-        scan: Grid of the height scan.
+        scan: Height scan, which defines the grid.
 
     Returns:
-        Weights of three parameters, (3, rows, columns): height under the trunk centre, slope forward and slope to the
-        left.
+        Weights for the three parameters of the plane, (3, rows, columns): height under the trunk centre, slope forward
+        and slope to the left.
     """
     x, y = np.moveaxis(scan.grid, -1, 0)
     half_length, half_width = PLANE_FIT_HALF_SIZE
@@ -120,11 +133,12 @@ def make_scanned_terrain(
     """Make the terrain of n robots from the readings of their height scans.
 
     Args:
-        scan: Grid of the height scan.
+        scan: Height scan, which defines the grid.
         readings: Scanned heights of the ground at the p grid points, relative to the trunk centre, (n, p), m.
-        ground: Plane through the footprints. It gives the height at points for which the scan has no reading.
-        foot_radius: Radius of a foot, m. It is added to the readings, because a `ScannedTerrain` has the heights of
-            foot centres.
+        ground: Plane through the last footprints of the feet. It gives the height at grid points for which the scan has
+            no reading.
+        foot_radius: Radius of a foot, m. It is added to the readings, because a `ScannedTerrain` has the heights of the
+            centres of feet.
 
     Returns:
         Terrain of n robots.
@@ -135,32 +149,33 @@ def make_scanned_terrain(
 
 
 def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
-    """Return the heights of the plane `ground` at the points of `scan`, (n, rows, columns), m.
+    """Return the heights of the ground plane at the grid points of a height scan.
 
     Args:
-        scan: Height scan.
-        ground: Ground plane of n robots.
+        scan: Height scan, which defines the grid.
+        ground: Ground plane under each of n robots.
 
     Returns:
-        Heights relative to the trunk centre.
+        Heights of the plane relative to the trunk centre, (n, rows, columns), m.
     """
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
 def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
-    """Shrink the scanned heights towards the ground plane, the more the larger their noise is.
+    """Move the scanned heights towards the ground plane; the distance increases with the noise of the scan.
 
     The result is the linear estimate with the least mean square error (Wiener filter, applied to each grid point).
 
     Args:
         terrain: Scanned terrain of n robots.
-        ground: Plane through the footprints.
+        ground: Plane through the last footprints of the feet of each robot.
         noise: Noise variance of the scanned heights, (n,), m².
 
     Returns:
         terrain: Terrain with denoised heights.
-        kept_fraction: Factor on the deviation of the heights from the plane, 0 to 1, (n,). It is 1 without noise.
+        kept_fraction: Fraction of the heights' deviation from the plane that is kept, 0 to 1, (n,). It is 1 for a
+            noise-free scan.
     """
     plane = plane_on_grid(terrain.scan, ground)
     deviation = terrain.heights - plane
@@ -170,27 +185,29 @@ def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats
 
 
 class SwingProfile(NamedTuple):
-    """Terrain heights under the swings of the four feet of n robots, level frame."""
+    """Terrain heights under the swing trajectories of the four feet of n robots, relative to the trunk centre."""
 
     start: Floats
-    """Terrain height at lift-off, (n, 4), m."""
+    """Terrain height at the lift-off of each foot, relative to the trunk centre, (n, 4), m."""
     end: Floats
-    """Terrain height at touch-down, (n, 4), m."""
+    """Terrain height at the touch-down of each foot, relative to the trunk centre, (n, 4), m."""
     top: Floats
-    """Largest terrain height between lift-off and touch-down, both included, (n, 4), m."""
+    """Largest terrain height under the swing of each foot from lift-off to touch-down, (n, 4), m.
+
+    It is relative to the trunk centre, like `start` and `end`."""
 
     def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
-        """Return a smooth height profile over the terrain: `start`, then `top` at mid-swing, then `end`.
+        """Return the height of a smooth curve over the terrain: `start`, then `top` at mid-swing, then `end`.
 
-        The method has the arguments of `policies.mpc.footing.Terrain`.
+        The method has the arguments of the function type `policies.mpc.footing.Terrain`.
 
         Args:
             _x: Forward coordinate; not used.
             _y: Lateral coordinate; not used.
-            progress: Progress of the swings, 0 to 1, (n, 4).
+            progress: Elapsed fraction of the swing phase of each foot, 0 to 1, (n, 4).
 
         Returns:
-            Height, level frame, (n, 4), m.
+            Height of the curve relative to the trunk centre, (n, 4), m.
         """
         arc = 4.0 * progress * (1.0 - progress)
         height: Floats = self.start + smoothstep(progress) * (self.end - self.start)
@@ -198,27 +215,28 @@ class SwingProfile(NamedTuple):
 
 
 class SightedMpcWbc(MpcWbc):
-    """`MpcWbc` that reads the ground heights under the feet from a height scan.
+    """Policy `MpcWbc` with a height scan: it knows the height of the ground around the robot.
 
-    Swing feet land at the scanned height and clear the terrain on their way. Forces are planned for feet at different
-    heights. The trunk is kept parallel to the scanned ground under the legs, at the reference height. The more noise
-    the scan has, the more its heights are shrunk towards the plane through the footprints. If the scan is empty or only
-    noise, the policy acts as `MpcWbc`.
+    Swing feet land at the scanned height and clear the terrain on their way. Contact forces are planned for feet at
+    different heights. The trunk is kept parallel to the scanned ground under the legs, at the reference height. If the
+    scan is noisy, its heights are moved towards the plane through the footprints, the last contact positions of the
+    feet. If the scan is empty or contains only noise, the policy acts as `MpcWbc`.
 
     Args:
         parameters: Parameters of gait, estimators and cost; None for the parameters of the trot from `parameters_of`.
         robot: Robot that is controlled, or its name.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        joint_delay_steps: Delay of the joint encoders, control steps; 0 if the joint readings are the undelayed true
+            values.
         actuator: Model of the joint motors.
-        height_scan: Grid of the height scan in the observations.
+        height_scan: Height scan in the observations, which defines the grid.
     """
 
     name = "mpc_wbc_sighted"
     _level: Floats = per_robot(np.zeros(3), axis=1)
-    """Low-pass filtered ground plane fitted to the scan, (3, n).
+    """Low-pass filtered parameters of the ground plane that is fitted to the height scan, (3, n).
 
-    Height under the trunk centre, m, slope forward and slope to the left, rise per metre."""
+    They are the height under the trunk centre, m, the slope forward and the slope to the left, rise per metre."""
 
     def __init__(
         self,
@@ -248,10 +266,10 @@ class SightedMpcWbc(MpcWbc):
         return super()._act(observation)
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Update the terrain from the height scan, and return the ground plane.
+        """Update the scanned terrain from the height scan, and return the ground plane under each robot.
 
-        The plane is the filtered plane fitted to the scan, or the plane through the footprints if the scan is empty or
-        only noise. `landed`: True for feet on the ground, (n, 4).
+        The result is the low-pass filtered plane that is fitted to the scan. If the scan is empty or contains only
+        noise, the result is the plane through the last footprints. `landed`: True for feet on the ground, (n, 4).
         """
         ground = super()._estimate_ground(state, landed)
         scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
@@ -259,9 +277,9 @@ class SightedMpcWbc(MpcWbc):
         self._terrain, kept_fraction = denoise_terrain(scanned, ground, noise)
         is_empty = (self._heights <= UNSEEN).all(axis=1)
         self._scan_weight = np.where(is_empty, 0.0, kept_fraction)[:, None]
-        """Weight of the scan relative to the plane through the footprints, 0 to 1, (n, 1).
+        """Weight of the height scan relative to the plane through the footprints, 0 to 1, (n, 1).
 
-        It is 0 if the scan is empty, and otherwise falls with the noise, see `denoise_terrain`."""
+        It is 0 if the scan is empty. Otherwise it decreases with the noise of the scan, see `denoise_terrain`."""
         plane = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._terrain.heights)
         plane[1:] = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
         gain = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
@@ -269,9 +287,10 @@ class SightedMpcWbc(MpcWbc):
         return TerrainPlane(*np.where(self._scan_weight[:, 0] > 0.0, self._level, ground))
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the function for the terrain height under the swings to the footholds, (n, 4, 2), m.
+        """Return the function that gives the terrain height under the swing feet.
 
-        It blends the scanned terrain with the terrain of `MpcWbc`, by the weight of the scan.
+        It is the mean of the scanned terrain and the terrain of `MpcWbc`, weighted by the weight of the height scan.
+        `foothold_positions`: next footholds (x, y), level frame, (n, 4, 2), m; `ground`: ground plane.
         """
         x, y, start = self.terrain_estimator.footprints.transpose(0, 2, 1)
         footprints = np.stack((x, y), axis=-1)
@@ -285,10 +304,11 @@ class SightedMpcWbc(MpcWbc):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the ground height under each foot over the horizon, level frame, (n, N or 1, 4 or 1), m.
+        """Return the ground height under each foot in each of the N steps of the MPC horizon, (n, N, 4), m.
 
-        It is the present height of a foot while the foot stays in stance, and the scanned height of its foothold
-        afterwards. If the scan has no weight, it is the height of the ground plane.
+        The height is relative to the trunk centre. It is the present height of a foot while the foot stays in stance,
+        and the scanned height of its foothold afterwards. If the weight of the scan is zero, it is the height of the
+        ground plane. `stance_schedule`: True for stance feet in each step, (n, N, 4).
         """
         stays_in_stance = np.cumprod(stance_schedule, axis=1).astype(np.bool_)
         scanned = self._terrain.at(foothold_positions)[:, None]

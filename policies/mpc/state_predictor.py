@@ -36,7 +36,9 @@ class ContactGround(NamedTuple):
     """Ground under n robots at the time of the readings: a ground plane, and heights of the contacts above it."""
 
     height: Floats
-    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; negative."""
+    """Height of the ground plane at the point under the trunk centre, relative to the trunk centre, (n,), m.
+
+    It is negative if the ground is below the trunk centre."""
     unevenness: Floats
     """Height of each foot in contact above the ground plane, (n, 4), m; zero for feet in the air."""
     slope: Floats
@@ -57,7 +59,9 @@ class StatePredictor(PerRobotState):
     """
 
     _ground_height: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
-    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; negative."""
+    """Height of the ground plane at the point under the trunk centre, relative to the trunk centre, (n,), m.
+
+    It is negative if the ground is below the trunk centre."""
 
     def __init__(self, robot: Robot, dynamics: Dynamics, period: float, joint_delay_steps: int) -> None:
         self._robot = robot
