@@ -1,4 +1,4 @@
-"""`python -m train` as a user meets it: real runs, stopped, carried on, and refused."""
+"""The command `python -m train`: real runs, interrupted, resumed, and refused."""
 
 import errno
 import json
@@ -47,7 +47,7 @@ def finished_run(tmp_path_factory):
 
 @pytest.fixture
 def copied_run(finished_run, tmp_path):
-    """A finished run of one's own."""
+    """Return a copy of a finished run."""
     return Path(shutil.copytree(finished_run, tmp_path / "run"))
 
 
@@ -132,7 +132,7 @@ def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch
 
 
 def test_a_disk_that_fills_up_under_tensorboard_is_one_line_too(tmp_path, monkeypatch, capsys):
-    """Its events are written by a thread of its own."""
+    """TensorBoard writes its events in another thread."""
 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -205,7 +205,7 @@ def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, m
 
 
 def test_what_a_run_leaves_that_never_reached_a_checkpoint_is_no_obstacle(tmp_path):
-    """As after SIGKILL in the first rollout."""
+    """The folder of a run that was killed in its first rollout can be used again."""
     folder = tmp_path / "run"
     for name in ("tensorboard", "checkpoints"):
         (folder / name).mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Settings: one round trip through JSON, one clear line for what cannot be trained."""
+"""Settings: a JSON round trip returns an equal value, and an invalid configuration raises an error of one line."""
 
 import dataclasses
 import json

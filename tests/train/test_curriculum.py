@@ -1,4 +1,4 @@
-"""Command intervals are judged as an evaluation judges them, and decide how hard training is."""
+"""Command intervals have the criteria of an evaluation, and determine the difficulty of the training."""
 
 import numpy as np
 import pytest
@@ -8,17 +8,17 @@ from train.curriculum import CommandIntervalTracker, at_difficulty, update_diffi
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
-"""s; the first second is ten steps."""
+"""s. The settling second is ten steps."""
 
 
 def walk(intervals, steps, command, velocity, fell=False):
-    """What is said of one robot at each step."""
+    """Return (ended, tracked) of one robot at each step."""
     told = [intervals.step(command[None], np.array([velocity]), np.array([fell])) for _ in range(steps)]
     return [(bool(judged[0]), bool(kept[0])) for judged, kept in told]
 
 
 def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
-    for off, kept in ((0.0, True), (0.34, True), (0.36, False)):  # 0.15 m/s + 20 % of 1 m/s
+    for off, kept in ((0.0, True), (0.34, True), (0.36, False)):  # limit: 0.15 m/s + 20 % of 1 m/s
         intervals = CommandIntervalTracker(1, DT)
         told = walk(intervals, 10, FORWARD, (9.0, 0.0, 0.0))  # the first second does not count
         told += walk(intervals, 10, FORWARD, (1.0 - off + 0.5, 0.0, 0.0)) + walk(
@@ -29,7 +29,7 @@ def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
 
 
 def test_standing_still_follows_no_command_to_move():
-    """0.1 m/s off, where 0.15 m/s + 20 % are allowed; at 0.04 m/s nothing more is asked."""
+    """The error of 0.1 m/s is within 0.15 m/s + 20 %, but is a standstill; a command of 0.04 m/s requires no motion."""
     for speed, kept in ((0.1, False), (0.04, True)):
         intervals = CommandIntervalTracker(1, DT)
         walk(intervals, 15, speed * FORWARD, (0.0, 0.0, 0.0))
@@ -54,9 +54,9 @@ def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
 @pytest.mark.parametrize(
     ("name", "share", "severity"),
     [
-        ("push=80", 0.5, 40.0),  # from 20
-        ("slippery=0.15", 0.5, 0.3),  # from 0.6; less is harder
-        ("push=10", 0.5, 10.0),  # milder than the axis begins
+        ("push=80", 0.5, 40.0),  # from 20 N·s
+        ("slippery=0.15", 0.5, 0.3),  # from 0.6; a lower value is harder
+        ("push=10", 0.5, 10.0),  # milder than the mildest level of the axis
     ],
 )
 def test_a_scenario_is_eased_towards_the_mildest_level_of_its_axis(name, share, severity):
@@ -83,20 +83,23 @@ def told(intervals, command, velocity, fell=(False, False)):
 
 
 def test_each_robot_has_intervals_of_its_own():
-    """The first gets a new command after 15 steps and another after 12 more; the second keeps its own, and falls."""
+    """The first robot gets a new command after 15 steps and another one after 12 more.
+
+    The second robot keeps its command, and falls.
+    """
     intervals, forward = CommandIntervalTracker(2, DT), [FORWARD, FORWARD]
     for _ in range(15):
         assert not any(ended for ended, _ in told(intervals, forward, [FORWARD, 0.2 * FORWARD]))
     assert told(intervals, [STILL, FORWARD], [STILL, 0.2 * FORWARD]) == [(True, True), (False, False)]
     for _ in range(11):
         assert not any(ended for ended, _ in told(intervals, [STILL, FORWARD], [0.5 * FORWARD, 0.2 * FORWARD]))
-    # Two steps after its settling second at 0.5 m/s are no standing still.
+    # Two steps at 0.5 m/s after the settling second are no standstill.
     assert told(intervals, forward, [FORWARD, 0.2 * FORWARD])[0] == (True, False)
     assert told(intervals, forward, [FORWARD, FORWARD], (False, True))[1] == (True, False)
 
 
 def test_every_interval_has_a_settling_second_of_its_own():
-    """10 steps at 9 m/s and 5 at rest, after an interval ahead, are a robot that stood still."""
+    """After an interval of motion, 10 steps at 9 m/s and 5 steps at rest count as a standstill."""
     intervals = CommandIntervalTracker(1, DT)
     walk(intervals, 15, FORWARD, FORWARD)
     walk(intervals, 10, STILL, 9.0 * FORWARD)
@@ -109,7 +112,7 @@ def test_a_command_that_lasted_no_longer_than_it_takes_to_settle_is_no_interval(
     assert not any(ended for ended, _ in walk(intervals, 10, FORWARD, FORWARD))
     assert walk(intervals, 1, STILL, STILL)[0][0] is False
     assert not any(ended for ended, _ in walk(intervals, 10, STILL, STILL))
-    assert walk(intervals, 1, FORWARD, STILL) == [(True, True)]  # 11 steps, of which one counts
+    assert walk(intervals, 1, FORWARD, STILL) == [(True, True)]  # one of 11 steps counts
 
 
 def test_a_robot_that_falls_has_not_tracked_its_command_however_well_it_did_before():

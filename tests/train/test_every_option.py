@@ -1,6 +1,6 @@
-"""Every option of `python -m train` reaches what it governs: one run with all of them other than usual.
+"""Every option of `python -m train` has its effect, in one run with all options different from their defaults.
 
-`EFFECTS` has an entry for each option; an option without one fails.
+`EFFECTS` has an entry for each option; an option without an entry fails.
 """
 
 import contextlib
@@ -44,32 +44,32 @@ WORDS = (
     "--out FOLDER/elsewhere"
 )
 BRIEF = 110
-"""Control steps of an episode of the validation, just longer than the second that measures leave out."""
+"""Number of control steps of a validation episode, just longer than the second that the measures leave out."""
 SMALL = "--threads 1 --ppo.envs 4 --ppo.rollout-steps 2 --ppo.minibatch 4 --ppo.hold 1 --ppo.actor 4 --ppo.critic 4"
 
 
 @dataclass(frozen=True)
 class Ran:
-    """A run that came to its end."""
+    """A completed run."""
 
     folder: Path
     batches: list[Batch]
     learner: Any
     threads: set[str]
-    """Names of the threads that stepped batches side by side."""
+    """Names of the threads that stepped batches in parallel."""
 
     @property
     def env(self) -> Any:
-        """The robots with base and correction."""
+        """Return the environment with base and correction."""
         return self.learner.get_env().env
 
     @property
     def policy(self) -> Any:
-        """The policy of the run's last bundle."""
+        """Return the policy of the run's last bundle."""
         return policies.load(self.folder / "last")
 
     def of(self, purpose: str) -> list[Batch]:
-        """The batches that were for that."""
+        """Return the batches with a purpose."""
         return [each for each in self.batches if each.purpose == purpose]
 
 
@@ -95,7 +95,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
 
 
 def remembered(ran: Ran) -> dict[str, Any]:
-    """The state of the callbacks in the last checkpoint."""
+    """Return the state of the callbacks in the last checkpoint."""
     return dict(json.loads(max(ran.folder.glob("checkpoints/*.json")).read_bytes())["remembered"])
 
 
@@ -104,23 +104,23 @@ def validations(ran: Ran) -> list[dict[str, Any]]:
 
 
 def hardware(ran: Ran) -> set[tuple[bool, bool, str]]:
-    """Of training and validation: do motors become warm, are sensors read, the estimator."""
+    """Return for training and validation: heating of motors, sensor readings, type of the estimator."""
     return {(each.warms, each.sensed, type(each.env.estimator).__name__) for each in ran.batches}
 
 
 def of_both(read: Callable[[Any], Any]) -> Callable[[Ran], Any]:
-    """A reading of the environment that the learner moves, and of the policy that it leaves."""
+    """Return a reading of the learner's environment and of the resulting policy."""
     return lambda ran: [read(ran.env), read(ran.policy)]
 
 
 def authority(each: Any) -> list[float]:
-    """Of hip, thigh and calf, rad."""
+    """Return the authority of hip, thigh and calf, rad."""
     return [round(float(value), 6) for value in each.authority[:3]]
 
 
 SEEDS = episode_seeds("training", 0, 4).tolist()
 EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
-    "policy": (lambda ran: ran.policy.name, "residual"),  # the other one has a test in test_command.py
+    "policy": (lambda ran: ran.policy.name, "residual"),  # the other value has a test in test_command.py
     "base": (lambda ran: [ran.env.bases[0].base.name, ran.policy.base.name], ["mpc"] * 2),
     "steps": (lambda ran: steps_done(ran.folder), 48),
     "seed": (
@@ -130,7 +130,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "out": (lambda ran: ran.folder.is_dir(), True),
     "threads": (
         lambda ran: ({(each.purpose, each.threads) for each in ran.batches}, ran.threads),
-        ({("training", 3), ("validation", 3)}, set()),  # a user's reward term is not called by several threads
+        ({("training", 3), ("validation", 3)}, set()),  # a user's reward term is called by one thread
     ),
     "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
@@ -143,17 +143,17 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         {"push=60": 1, "rough=0.2": 3},
     ),
     "curriculum": (
-        # Of the way from 20 N·s and 0.06 m, on a scale of their logarithms.
+        # Half of the way from 20 N·s and from 0.06 m, in log severity.
         lambda ran: [*(each.env.scenario.severity for each in ran.of("training")[:2]), *remembered(ran)["shares"]],
         pytest.approx([(20 * 60) ** 0.5, (0.06 * 0.2) ** 0.5, 0.5, 0.5]),
     ),
-    "effort_ramp": (  # the second of two segments begins half-way
+    "effort_ramp": (  # the second of two segments begins at half of the run
         lambda ran: [
             ran.of("training")[which].env._reward_weights["reward_torque"] / REWARDS.torque for which in (0, -1)
         ],
         pytest.approx([0.0, 0.005]),
     ),
-    "max_episode_steps": (  # first episodes are cut where the robots' seeds say
+    "max_episode_steps": (  # the seeds of the robots determine the length of the first episodes
         lambda ran: ran.env.unwrapped._first_episode_steps(SEEDS).tolist(),
         np.random.default_rng(SEEDS).integers(1, 20, 4, endpoint=True).tolist(),
     ),
@@ -164,7 +164,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "ppo.hold": (lambda ran: [ran.env._hold, ran.policy.hold], [3, 3]),
     "ppo.learning_rate_schedule": (lambda ran: type(ran.learner.learning_rate).__name__, "AdaptiveRate"),
     "ppo.target_kl": (lambda ran: ran.learner.learning_rate.target_kl, 0.04),
-    "ppo.log_std_final": (  # of the way from -2, for the last of four rollouts begins at 3/4
+    "ppo.log_std_final": (  # three quarters of the way from -2, since the last of four rollouts begins at 3/4
         lambda ran: [ran.learner.policy.log_std[0].item(), ran.learner.policy.log_std.requires_grad],
         [pytest.approx(-2.0 - 0.75 * 1.2), False],
     ),
@@ -179,12 +179,14 @@ ELSEWHERE = {"resume", "start", "rewards", "extension_rewards", "robot", "device
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
-"""Options with tests of their own: below, in test_command.py, test_start.py, test_run.py and test_warp.py; those of the
-learner are in tests/planted_faults/test_training_faults.py."""
+"""Options with their own tests, below or in test_command.py, test_start.py, test_run.py and test_warp.py.
+
+The options of the learner are tested in tests/planted_faults/test_training_faults.py.
+"""
 
 
 def options(config: Any, prefix: str = "") -> Iterator[str]:
-    """Names of all options, those of groups with the group's."""
+    """Return the names of all options, with the prefix of their group."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
         if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs", "scan"):
@@ -204,7 +206,9 @@ def test_an_option_reaches_what_it_governs(option: str, ran: Ran) -> None:
 
 
 def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
-    """Over the same falls: all terms of weight 1, then each of twice the weight of the one before."""
+    """The falls are the same in both runs: first all terms have weight 1, then each term twice
+    the weight of the previous.
+    """
     terms = tuple(field.name for field in dataclasses.fields(RewardWeights))
     found = []
     for weights in (np.ones(len(terms)), 2.0 ** np.arange(len(terms))):
@@ -224,7 +228,7 @@ def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
 
 
 def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
-    """At a length of 0.4 and a tenth of the mass impulses go by 0.1 · √0.4, heights by 0.4; from the mildest level."""
+    """At a length scale of 0.4 and a mass scale of 0.1, impulses scale by 0.1 · √0.4 and heights by 0.4."""
     alike(tmp_path)
     words = [*SMALL.split(), "--robot", str(tmp_path / "alike.xml"), "--curriculum", "0.5", "--ppo.envs", "64"]
     config = parse(words)
@@ -241,7 +245,7 @@ def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_pa
 
 
 def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
+    """Segments of two rollouts: each starts with the observations of its own seeds at the start of an episode."""
     config, begins = parse([*SMALL.split(), "--mixture", "flat", "1", "--max-episode-steps", "4"]), []
     env, twin = make_env(config), make_env(config)
 

@@ -1,4 +1,6 @@
-"""A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
+"""A run that is stopped at any step and resumed equals the uninterrupted run to the bit:
+weights, validations, bundles.
+"""
 
 import contextlib
 import dataclasses
@@ -37,11 +39,11 @@ OPTIONS = (
     "--curriculum 0.4 --rewards.foot-air-time 1 --effort-ramp 1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
-"""Steps of each of the 16 robots."""
+"""Number of steps of each of the 16 robots."""
 
 
 def bits(folder: Path) -> dict[str, bytes]:
-    """Content of a run's folder by file, without times and logs, which an interruption changes."""
+    """Return the content of a run's folder by file, without times and logs, which depend on interruptions."""
     found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
     found[VALIDATIONS_FILE] = (folder / VALIDATIONS_FILE).read_bytes()
     for path in (folder / CHECKPOINTS).glob("*.json"):
@@ -56,11 +58,11 @@ def bits(folder: Path) -> dict[str, bytes]:
 
 
 class Killed(BaseException):
-    """What no code of ours catches."""
+    """Exception that the product never catches."""
 
 
 def of_weights(policy, *_):
-    """A validation that takes no time, and finds policies worse the further they are from their base."""
+    """Return an instant validation; the error grows with the distance of a policy from its base."""
     network: Network = policy.network
     error = float(np.abs(network.weights[-1]).sum())
     means = {"success_rate": 0.5, "velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}
@@ -68,7 +70,7 @@ def of_weights(policy, *_):
 
 
 def every_step_an_interval(_, __, velocity, ___):
-    """Command intervals that last no time: they come before the first of four seconds ends."""
+    """Return command intervals of one step; regular intervals do not end within the four seconds of the runs."""
     return np.ones(len(velocity), bool), velocity[:, 1] > 0.0
 
 
@@ -85,7 +87,9 @@ def quick(monkeypatch):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Folder of a run in one go, `whole`, and of one that was killed in its third segment, `killed`."""
+    """Return the folder with an uninterrupted run, `whole`, and a run that was killed in its
+    third segment, `killed`.
+    """
     folder = tmp_path_factory.mktemp("runs")
     with pytest.MonkeyPatch.context() as patch:
         quicken(patch)
@@ -96,7 +100,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture
 def killed(runs, tmp_path):
-    """A killed run of one's own."""
+    """Return a copy of the killed run."""
     return Path(shutil.copytree(runs / "killed", tmp_path / "killed"))
 
 
@@ -105,7 +109,7 @@ def begin(folder):
 
 
 def resume(folder):
-    # Another process has other random states.
+    # Another process has different random states.
     random.seed(5)
     np.random.seed(5)  # noqa: NPY002
     torch.manual_seed(5)
@@ -114,7 +118,7 @@ def resume(folder):
 
 @contextlib.contextmanager
 def after(steps, what):
-    """After so many steps of each robot that happens."""
+    """Call `what` after `steps` steps of each robot."""
     step_wait, taken = TrainingVecEnv.step_wait, itertools.count()
 
     def stepping(env):
@@ -136,7 +140,7 @@ def killed_after(steps, go_on):
 
 
 def interrupted_after(steps, words):
-    """Ctrl-C in the last of so many steps of each robot."""
+    """Press Ctrl-C in the last of `steps` steps of each robot."""
     with after(steps - 1, partial(os.kill, os.getpid(), signal.SIGINT)):
         assert main(words) == 130
 
@@ -155,13 +159,13 @@ def test_a_run_that_is_stopped_anywhere_ends_with_the_same_bits(steps, runs, tmp
 def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     module, name, done, runs, killed, monkeypatch
 ):
-    """After the last checkpoint there is nothing left to do that would write the others again."""
+    """After the last checkpoint, a resumed run must write the other final files again."""
 
     def dying(*arguments):
         written.append(arguments)
         if done or len(written) < 2:
             write(*arguments)
-        if len(written) == 2:  # the first are those of the checkpoint that it is carried on from
+        if len(written) == 2:  # the first files belong to the checkpoint from which the run resumes
             raise Killed
 
     write, written = getattr(module, name), []
@@ -174,7 +178,7 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     assert bits(killed) == bits(runs / "whole")
 
 
-@pytest.mark.parametrize("steps", [9, 20])  # at the end of a segment; within the second
+@pytest.mark.parametrize("steps", [9, 20])  # at the end of a segment; within the second segment
 def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(steps, runs, tmp_path, capsys):
     folder = tmp_path / "run"
     interrupted_after(steps, [*OPTIONS.split(), "--out", str(folder)])
@@ -204,7 +208,7 @@ def test_a_run_that_is_killed_in_its_first_segment_keeps_its_early_checkpoint(ru
 def test_the_first_checkpoint_comes_within_30_s_of_work_and_the_others_between_segments(
     seconds, checkpoints, tmp_path, monkeypatch
 ):
-    """Rollouts of so many seconds, two a segment."""
+    """A rollout lasts `seconds`, and a segment has two rollouts."""
 
     def stepping(env):
         clock.append(clock[-1] + seconds / ROLLOUT)
@@ -232,14 +236,14 @@ def test_ctrl_c_before_the_first_rollout_leaves_the_base_as_a_policy_that_loads(
     said = f"0 steps are kept; the policy until now is {folder / 'last'}, its base without a correction"
     assert said in capsys.readouterr().err
     assert not policies.load(folder / "last").network.weights[-1].any()
-    begin(folder)  # nothing is lost by it
+    begin(folder)  # a new start is possible
     assert bits(folder) == bits(runs / "whole")
 
 
 def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
     folder = tmp_path / "run"
     interrupted_after(3, [*OPTIONS.split(), "--out", str(folder)])
-    for steps in (2, ROLLOUT + 1, 1):  # in what is repeated; after it; from the beginning of a segment
+    for steps in (2, ROLLOUT + 1, 1):  # in repeated steps; after them; at the start of a segment
         interrupted_after(steps, ["--resume", "--threads", "1", "--out", str(folder)])
     assert steps_done(folder) == 3 * ROLLOUT * 16
     resume(folder)
@@ -247,7 +251,7 @@ def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
 
 
 def forget(**values):
-    """Leave that out of what the callbacks carry over."""
+    """Return a function that replaces values in the restored state of the callbacks."""
 
     def of(patch):
         def forgetful(folder):
@@ -278,7 +282,7 @@ LEFT_OUT = {
 @pytest.mark.parametrize("what", LEFT_OUT)
 def test_whatever_is_not_restored_shows(what, runs, killed, monkeypatch):
     LEFT_OUT[what](monkeypatch)
-    with contextlib.suppress(ResetNeeded):  # robots of a new severity that begin no episode
+    with contextlib.suppress(ResetNeeded):  # robots of a new severity without a reset
         resume(killed)
     assert bits(killed) != bits(runs / "whole")
 

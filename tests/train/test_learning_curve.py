@@ -1,4 +1,4 @@
-"""The learning curve of a run: its validations over steps."""
+"""Learning curve of a run: its validations over training steps."""
 
 from typing import Any
 

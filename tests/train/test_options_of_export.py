@@ -1,4 +1,4 @@
-"""Every option of `python -m train export` reaches what it governs, each given other than usual."""
+"""Every option of `python -m train export` has its effect, with a value different from its default."""
 
 import json
 from dataclasses import fields
@@ -20,7 +20,7 @@ from train.commands import export
 
 
 def exported(made: Called, key: str) -> Any:
-    """What the file says of the policy."""
+    """Return an entry of the exported file about the policy."""
     assert made.code == 0
     (found,) = onnx.load(made.folder / "new/walker.onnx").metadata_props
     return json.loads(found.value)[key]

@@ -1,4 +1,4 @@
-"""Base and correction as one environment: the base's walk, honest ends of episodes, clocks that nothing disturbs."""
+"""Base policy and correction as one environment: the base's walk, correct ends of episodes, and undisturbed clocks."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from train.residual_env import ResidualVectorEnv
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 WILD = np.full(12, 3.0, np.float32)
-"""Authority, rad, with which noise makes robots fall."""
+"""rad. Authority with which noise lets robots fall."""
 
 
 def robots(n, steps=1000, scenario="push", mode="DISABLED"):
@@ -27,14 +27,14 @@ def robots(n, steps=1000, scenario="push", mode="DISABLED"):
 
 
 def residual(n, base="trot", hold=1, authority=None, inputs=NO_HISTORY, **options):
-    """The environment and its first features."""
+    """Return the environment and its first features."""
     env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold, inputs)
     seen, _ = env.reset(seed=SEEDS[:n])
     return env, seen
 
 
 def noise(step, n):
-    """Corrections that make robots fall at different times."""
+    """Return corrections that let robots fall at different times."""
     return np.random.default_rng(step).uniform(-1, 1, (n, 12)).astype(np.float32)
 
 
@@ -54,7 +54,7 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
 
 
 def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone():
-    """One after the other: what the first remembered of its start is not the second's."""
+    """The two robots are reset at different times; the second reset uses the second robot's own history."""
     inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
     env, _ = residual(2, inputs=inputs, scenario="flat")
     plain = robots(2, scenario="flat")
@@ -77,8 +77,10 @@ def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone()
 
 @pytest.mark.parametrize(("base", "scenario"), [("trot", "push"), ("trot_integral", "rough")])
 def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_begun(base, scenario):
-    """Robot 1 falls by itself: lags, averages and clock of five more steps are those of its next episode alone, and
-    those of the others those of robots that never saw it."""
+    """Robot 1 falls alone: its lags, averages and clock of five more steps belong to its next episode only.
+
+    Features of the other robots equal those of robots without this fall.
+    """
     inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
     env, _ = residual(3, base=base, scenario=scenario, inputs=inputs)
     seeds = SEEDS[:3]
@@ -115,7 +117,7 @@ def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_b
 
 @pytest.mark.parametrize(("base", "steps"), [("trot_integral", 40), ("mpc", 10), ("stand", 40)])
 def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, steps):
-    """A network in the learner's place, and the same network in a policy: held corrections, memory and clock."""
+    """The same network is used by the learner and by a policy with held corrections, memory and clock."""
     inputs, limits = Inputs((0.03,), (0.2,), 1.5), authority_of(SIMPLE_QUAD) / 5.0
     env = ResidualVectorEnv(robots(3), policies.make(base), limits, 2, inputs)
     (width,) = env.single_observation_space.shape
@@ -136,7 +138,7 @@ def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, steps):
 
 
 def test_the_clock_restarts_for_finished_robots_and_ticks_once_for_the_others():
-    """Robots that fall at times of their own; the phase is read off the features, one tick ahead of the walk."""
+    """Robots fall at different times; the features contain the phase, one tick ahead of the walk."""
     env, _ = residual(4, authority=WILD, scenario="flat")
     ticks, restarts = np.zeros(4), 0
     for step in range(120):
@@ -196,7 +198,9 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
 
 
 def test_each_of_several_bases_moves_its_own_robots():
-    """One of the first robot, a slower one of the three others: each row is as with that base alone, restarts too."""
+    """The first robot has one base policy and the others a slower one: each row equals that of
+    its base alone, with resets.
+    """
     slow = replace(searched_parameters(), frequency=1.7)
     mixed = ResidualVectorEnv(robots(4, 12), [(Trot(), 1), (Trot(slow), 3)])
     fast_alone, slow_alone = (ResidualVectorEnv(robots(4, 12), base) for base in (Trot(), Trot(slow)))

@@ -1,4 +1,4 @@
-"""The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
+"""The complete pipeline with a user's robot: every stage writes its result, and no stage runs twice."""
 
 import json
 import sys
@@ -39,7 +39,7 @@ def words(robot: Path, out: Path) -> list[str]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _brief_report() -> Iterator[None]:
-    """The page has tests of its own, and its films take long."""
+    """Leave out the page, which has its own tests, since its films take long."""
     with pytest.MonkeyPatch.context() as patch:
         replace_report(patch, lambda _, path, **__: path.write_text("a page"))
         yield
@@ -61,7 +61,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> 
 
 @pytest.fixture(scope="module")
 def simulated() -> list[Batch]:
-    """The robots of the whole way."""
+    """Record the robots that the pipeline simulates."""
     return []
 
 
@@ -99,7 +99,7 @@ def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], sim
     assert {(each.env.robot.name, each.threads) for each in simulated} == {("alike", 1)}
     settings = load_config(out / "training")
     assert (settings.base, settings.steps, settings.seed) == ("trot", 64, 3)
-    assert (settings.max_episode_steps, settings.ppo.envs) == (16, 8)  # as --training says
+    assert (settings.max_episode_steps, settings.ppo.envs) == (16, 8)  # as given by --training
     results = json.loads((out / "evaluation" / "results.json").read_text())
     assert (results["seed"], results["episodes"]) == (3, 2)
     cells = {name: list(each["scenarios"]) for name, each in results["policies"].items()}
@@ -155,7 +155,7 @@ def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
     options = robot_pipeline.RobotPipelineOptions(robot=str(made.write(tmp_path)), out=tmp_path / "out")
     with pytest.raises(UsageError, match="cannot be used as it is"):
         robot_pipeline.main(options)
-    assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
+    assert len(capfd.readouterr().err.splitlines()) == 2  # the reason, and the place to give the missing value
     assert (tmp_path / "out" / "inferred.toml").is_file()
     (tmp_path / "out" / "inferred.toml").write_text("# mine", encoding="utf-8")
     with pytest.raises(UsageError, match="has gaps to fill"):

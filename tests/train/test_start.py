@@ -1,4 +1,4 @@
-"""Runs that begin with the network of another: `--start`."""
+"""Runs that start with the network of another run or bundle: `--start`."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def first(tmp_path_factory):
 
 @pytest.mark.parametrize("part", [".", "last"])
 def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp_path):
-    """With steps of 1e-9 it stays where it began."""
+    """With steps of 1e-9, the weights stay at their start."""
     still = ("--steps", 16, "--ppo.learning-rate", 1e-9, "--ppo.learning-rate-schedule", "constant")
     assert train(tmp_path / "next", "--start", first / part, *still) == 0
     for mine, theirs in zip(weights(tmp_path / "next"), weights(first), strict=True):

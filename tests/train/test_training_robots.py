@@ -1,4 +1,4 @@
-"""The robots of a run: batches side by side, first episodes cut, an account that can be done by hand."""
+"""Robots of a training run: concatenated batches, shortened first episodes, and statistics by hand."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def batches(*counts, steps=1000):
 
 
 def lunges(step, n):
-    """Targets that are other for every robot and step."""
+    """Return targets that differ between robots and steps."""
     return HOME + np.random.default_rng(step).uniform(-0.3, 0.3, (n, 12)).astype(np.float32)
 
 
@@ -45,7 +45,7 @@ def test_robots_walk_the_same_whatever_their_split_into_batches_and_threads(thre
 
 def test_only_first_episodes_are_cut():
     robots = MultiScenarioVectorEnv(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
-    for _ in range(2):  # all of it again after a reset
+    for _ in range(2):  # repeated after a reset
         robots.reset(seed=SEEDS[:3])
         ends = []
         for step in range(12):
@@ -73,7 +73,7 @@ def test_an_episode_is_worth_the_sum_of_its_rewards():
 
 
 def test_what_only_the_critic_sees_is_in_the_heading_frame(monkeypatch):
-    """Two robots that face opposite ways, each pushed ahead and, half as hard, to its left."""
+    """Two robots face opposite directions; each is pushed ahead and, half as hard, to its left."""
     yaws, force = np.array([np.pi, 0.0]), np.array([[-100.0, -50.0], [100.0, 50.0]])
     monkeypatch.setattr(Simulation, "push", force)
     monkeypatch.setattr(Simulation, "quaternion", np.stack((np.cos(yaws / 2), *np.zeros((2, 2)), np.sin(yaws / 2)), 1))
@@ -83,7 +83,7 @@ def test_what_only_the_critic_sees_is_in_the_heading_frame(monkeypatch):
 
 
 def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
-    """Two robots whose readings are replaced, so that the sums can be done by hand."""
+    """The readings of two robots are replaced, so that the sums can be computed by hand."""
     (batch,) = batches(2)
     infos = {
         "command": np.array([[1.0, 0.0, 0.5], [0.0, 0.0, 0.0]]),
@@ -106,7 +106,7 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
 
 
 def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that_robot_alone(monkeypatch):
-    """Steps of 0.01 s whose readings are replaced: a second settles, and a new command ends an interval."""
+    """Steps of 0.01 s with replaced readings: the first second settles, and a new command ends an interval."""
     (batch,) = batches(2)
     robots, told = MultiScenarioVectorEnv([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
 
@@ -120,18 +120,18 @@ def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that
     for _ in range(120):
         robots.step(home)
     told["fell"][1] = True
-    for _ in range(3):  # a fallen robot stands still in time until it is restarted
+    for _ in range(3):  # a fallen robot does not advance until its reset
         robots.step(home)
     assert robots.pop_interval_counts().tolist() == [[1], [0]]
     told["fell"][1] = False
     robots.reset(options={"reset_mask": np.array([False, True])})
     told["command"] = 2.0 * np.ones((2, 3))
     robots.step(home)
-    assert robots.pop_interval_counts().tolist() == [[1], [1]]  # of the robot that went on
+    assert robots.pop_interval_counts().tolist() == [[1], [1]]  # the interval of the robot that continued
     assert robots.pop_interval_counts().tolist() == [[0], [0]]
     told["fell"][1] = True
     robots.step(home)
-    assert robots.pop_interval_counts().tolist() == [[1], [0]]  # of its next episode
+    assert robots.pop_interval_counts().tolist() == [[1], [0]]  # the interval of its next episode
     told["fell"][1] = False
     robots.reset(options={"reset_mask": np.array([True, False])})
     means = robots.pop_statistics()
@@ -139,7 +139,10 @@ def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that
 
 
 def test_each_batch_has_its_own_seeds_masks_and_number():
-    """Of three and two robots: those of the second are told apart, and restart alone."""
+    """The batches have three and two robots.
+
+    The privileged observation identifies the batch, and resets are independent.
+    """
     robots = MultiScenarioVectorEnv(batches(3, 2))
     whole = MultiScenarioVectorEnv(batches(5))
     first, infos = robots.reset(seed=SEEDS)

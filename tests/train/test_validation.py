@@ -1,4 +1,4 @@
-"""What the best policy is: the one that succeeds most often, and of two that do so alike the one with less error."""
+"""Choice of the best policy: the highest success rate, then the lowest error."""
 
 import math
 
@@ -45,7 +45,7 @@ def test_success_comes_first_and_the_error_decides_between_equals(better, worse)
 
 
 def test_each_scenario_is_walked_on_the_validation_s_seeds_by_the_policy_that_is_made_for_it(monkeypatch):
-    """That of the hardware profile where the scenario is on it."""
+    """A scenario on the hardware profile uses the policy made for this profile."""
     walked = []
 
     def run(policy, scenario, *, seeds, nthread, hardware):

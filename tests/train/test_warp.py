@@ -1,4 +1,4 @@
-"""Training on a GPU: what is refused, and that robots are stepped there."""
+"""Training on a GPU: refused options, and simulation of the robots on the GPU."""
 
 import contextlib
 

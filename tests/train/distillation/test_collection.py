@@ -1,4 +1,4 @@
-"""Labels of a distillation belong to the state, the robot and the episode that the student observes."""
+"""Labels of a distillation belong to the state, the robot and the episode of the student's observation."""
 
 from dataclasses import replace
 
@@ -22,7 +22,9 @@ CONFIG = DistillationConfig(teacher="trot", envs=6, round_steps=60, max_episode_
 
 
 class Echo(Policy):
-    """Shows the observation in its targets: the home pose plus a tenth of joint angles, and the steps since a reset."""
+    """Teacher with targets that encode its observation: the home pose plus a tenth of the
+    joint angles, and the step count.
+    """
 
     name = "echo"
     steps: np.ndarray
@@ -44,7 +46,7 @@ class Echo(Policy):
 
 @pytest.fixture
 def collector(monkeypatch):
-    """Function that makes a collector with the teacher `Echo` for a configuration."""
+    """Return a function that makes a collector with the teacher `Echo` for a configuration."""
 
     def make(config):
         monkeypatch.setattr(teachers, "make_teacher", lambda config, profile=False: Echo(robot=SIMPLE_QUAD))
@@ -60,12 +62,15 @@ def collector(monkeypatch):
 
 
 def shown_angles(block, authority):
-    """Tenth of the joint angles that the teacher observed, (T, n, 11), rad; the first joint shows the steps."""
+    """Return a tenth of the joint angles of the teacher's observation, (T, n, 11), rad, without the first joint.
+
+    The first joint encodes the number of steps.
+    """
     return (block.corrections * authority)[:, :, 1:]
 
 
 def input_angles(block):
-    """Joint angles relative to the home pose in the student's inputs, (T, n, 11), rad."""
+    """Return the joint angles relative to the home pose in the student's inputs, (T, n, 11), rad."""
     scale = observation_table(SIMPLE_QUAD).scale[10:21]
     return block.inputs[:, :, 10:21] / scale
 
@@ -115,7 +120,7 @@ def test_labels_shortly_before_a_fall_are_dropped():
 
 
 def test_the_students_policy_does_in_evaluation_as_in_training(collector, monkeypatch):
-    """Inputs, clock, history, standardisation and authority are those of the collection."""
+    """Inputs, clock, history, standardisation and authority equal those of the collection."""
     inputs = Inputs(lags=(0.02,), averages=(0.3,), clock=2.5)
     each, _, _ = collector(CONFIG)
     each._features = Features(make_pose(SIMPLE_QUAD), inputs)

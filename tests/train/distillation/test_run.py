@@ -62,7 +62,7 @@ WORDS = [
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """Folder of a finished run."""
+    """Return the folder of a finished run."""
     folder = tmp_path_factory.mktemp("runs") / "whole"
     assert main([*WORDS, "--out", str(folder)]) == 0
     return folder

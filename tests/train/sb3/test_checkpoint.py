@@ -1,4 +1,4 @@
-"""Checkpoints: whole or not there; test_exact_resume.py has what is in them."""
+"""Checkpoints are complete or absent; test_exact_resume.py tests their content."""
 
 import dataclasses
 import json
@@ -84,7 +84,7 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
 
 
 def used():
-    """A learner that has been at work, and its generators where that left them."""
+    """Return a learner after some training, and the state of its random generators."""
     model = make_ppo(CONFIG, make_env(CONFIG))
     sum((each**2).sum() for each in model.policy.parameters()).backward()
     model.policy.optimizer.step()

@@ -1,4 +1,4 @@
-"""The learner starts as the base and leaves as the network that a bundle holds."""
+"""The learner starts as the base policy, and its network equals the network of its bundle."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ def learner():
 
 
 def shaken(model):
-    """Weights away from their start, so that every layer counts."""
+    """Perturb all weights, so that every layer has an effect."""
     generator = torch.Generator().manual_seed(3)
     with torch.no_grad():
         for parameter in model.policy.parameters():
@@ -59,13 +59,13 @@ def test_the_numpy_network_is_the_torch_actor():
     network = actor_network(model)
     before = network(inputs[:, : network.sizes[0]])
     np.testing.assert_allclose(before, expected, atol=3e-5)
-    shaken(model)  # the network does not follow the learner
+    shaken(model)  # the exported network is independent of the learner
     np.testing.assert_array_equal(network(inputs[:, : network.sizes[0]]), before)
 
 
 def test_the_linear_rate_ends_at_zero():
     rate = learning_rate(PpoConfig(learning_rate=2e-3, learning_rate_schedule="linear"))
-    assert rate(-0.01) == 0.0  # the last rollout goes beyond the last step
+    assert rate(-0.01) == 0.0  # the last rollout exceeds the number of steps
     assert [rate(1.0), rate(0.5), rate(0.0)] == [2e-3, 1e-3, 0.0]
 
 

@@ -1,4 +1,4 @@
-"""SB3's view of the residual: what its learner needs to bootstrap, and no more."""
+"""SB3's interface of the residual environment: the data that its learner needs to bootstrap."""
 
 import dataclasses
 
@@ -62,7 +62,7 @@ def test_infos_are_empty_but_for_robots_that_finished():
 
 
 def test_the_end_of_a_robot_is_its_own():
-    """Of the second of three: its last features, and its return and length."""
+    """The second of three robots gets its own last features, return and length."""
     env, passing, returns = training_env(3, first=[9, 2, 9]), training_env(3), np.zeros(3)
     for step in range(2):
         _, rewards, finished, infos = env.step(noise(step, 3))
@@ -76,7 +76,7 @@ def test_the_end_of_a_robot_is_its_own():
 
 
 def test_the_value_network_is_shown_the_end_of_the_episode_that_ended_and_the_start_of_the_next():
-    """One of two robots, pushed at its end: what the learner bootstraps on is what it would be shown if it went on."""
+    """One of two robots is pushed at its end: the bootstrap observation equals that of a continued episode."""
     pushed = dataclasses.replace(scenario("push"), pushes=Pushes(count=1, duration=0.3, window=(0.05, 0.36)))
     options = {"scenario": pushed, "privileged": True}
     env, passing = training_env(2, first=[20, 90], **options), training_env(2, **options)
@@ -87,7 +87,7 @@ def test_the_value_network_is_shown_the_end_of_the_episode_that_ended_and_the_st
     width = env.privileged
     assert width == 1 + 3 + 2
     np.testing.assert_array_equal(infos[0]["terminal_observation"], uncut[0])
-    assert np.abs(uncut[0, -2:]).max() > 0.1  # it was being pushed
+    assert np.abs(uncut[0, -2:]).max() > 0.1  # the push is active
     np.testing.assert_array_equal(seen[1], uncut[1])
     begun = TrainingVecEnv(passing.env, SEEDS[:2], privileged=True)
     begun.reset()

@@ -17,28 +17,28 @@ from train.search import cmaes, trot
 from train.search.trot import TrotSearchOptions
 
 FULL = 1000
-"""Control steps of an episode of 10 s."""
+"""Number of control steps of an episode of 10 s."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A search that came to its end."""
+    """A completed search."""
 
     batches: list[Batch]
 
     @property
     def shapes(self) -> list[tuple[str, int, int | None]]:
-        """Scenario, number of robots and control steps of each batch."""
+        """Return scenario, number of robots and control steps of each batch."""
         return [(each.env.scenario.name, len(each.seeds), each.env.max_episode_steps) for each in self.batches]
 
     def seeds(self, first: int, count: int) -> list[int]:
-        """Of the batches from that one on, so many, each seed once."""
+        """Return the seeds of `count` batches from `first` on, without repetitions."""
         found = [seed for each in self.batches[first : first + count] for seed in each.seeds]
         return list(dict.fromkeys(found))
 
 
 def searched(words: str, folder: Path) -> Run:
-    """The outcome of the search with these words; every option must be among them."""
+    """Return the result of the search with the given arguments; every option must be among them."""
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(folder)).split()
     names = asdict(TrotSearchOptions()).keys() - {"subject"}
     assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == names
@@ -59,7 +59,7 @@ def test_search_of_the_trot(tmp_path: Path) -> None:
     words = "--robot FOLDER/alike.xml --generations 2 --candidates 5 --episodes 8 --steps 110 --check-episodes 4"
     run = searched(f"{words} --spread 0.1 --start FOLDER/start.json --exercises flat push rough+hardware", tmp_path)
     assert {each.env.robot.name for each in run.batches} == {"alike"}
-    assert run.batches[1].env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)  # as hard for its size
+    assert run.batches[1].env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)  # scaled to the robot's size
     exercises = "flat", "push", "rough+hardware"
     generation = [(name, 5 * 8, 110) for name in exercises]
     fit, check = [("flat", 4, FULL)] * 3, [(name, 4, FULL) for name in exercises] * 2
@@ -94,7 +94,7 @@ def test_bad_input_is_one_line(subject: str, words: str, capsys: pytest.CaptureF
 
 
 class Kept:
-    """A search whose generations and outcome are given, in a folder."""
+    """Search with given generations and result, in a folder."""
 
     def __init__(self, folder: Path, patch: pytest.MonkeyPatch, *generations: Any) -> None:
         def evolve(*_: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Trials of a search: what an episode costs, and candidates side by side."""
+"""Trials of a search: costs of episodes, and candidates in one batch."""
 
 import dataclasses
 
@@ -24,7 +24,7 @@ FORWARD, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
 
 def found(outcome, commands, velocities, **measured):
-    """An episode with these commands and mean velocities, an interval a row, on an upright trunk."""
+    """Return an episode with an upright trunk, and a command and a mean velocity per interval, one interval a row."""
     figures = dict.fromkeys(MEASURE_NAMES, 0.0) | {"trunk_height": 1.0}
     return Measures(
         **{name: np.array([value]) for name, value in (figures | measured).items()}
@@ -40,12 +40,12 @@ def found(outcome, commands, velocities, **measured):
         (found(SUCCEEDED, [FORWARD], [FORWARD], velocity_error=0.1), 0.05 / 4),
         (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.05), 0.05 / 2),
         (found(SUCCEEDED, [FORWARD], [FORWARD], cost_of_transport=0.25, flight=0.1), 0.4 / 5 + 0.1 / 2),
-        # Steps are free up to 2 a second and foot, a trunk from 85 % of its standing height on.
+        # Steps are free up to 2 per second and foot, and a trunk height from 85 % of the standing height on.
         (found(SUCCEEDED, [FORWARD], [FORWARD], step_rate=3.0, touchdown_impulse=0.01), 0.1 / 3 + 0.05 / 4),
         (found(SUCCEEDED, [FORWARD], [FORWARD], step_rate=1.0, trunk_height=0.75), 0.15 / 2),
-        # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation counted.
+        # The limit is 0.35 m/s at 1 m/s: half of it is 1/8 of the largest deviation that counts.
         (found(SUCCEEDED, [FORWARD], [(0.825, 0.0, 0.0)]), 0.1 / 8),
-        # The worst interval counts: 0.45 rad/s off where 0.15 rad/s are allowed.
+        # The worst interval counts: a deviation of 0.45 rad/s with a limit of 0.15 rad/s.
         (found(OFF_COMMAND, [FORWARD, STILL], [FORWARD, (0.0, 0.0, 0.45)]), 1.0 + 0.1 * 3 / 4),
         (found(STALLED, [FORWARD], [STILL]), 1.5 + 0.1 * (1.0 / 0.35) / 4),
         (found(FELL, [FORWARD, GONE], [FORWARD, GONE], velocity_error=0.3), 2.0 + 0.1 + 0.05 / 2),
@@ -64,7 +64,7 @@ def test_no_success_costs_more_than_a_failure():
 
 
 def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_candidate_alone(monkeypatch):
-    """Also on the hardware profile, where candidates command the gains of the robot's maker."""
+    """The costs also agree on the hardware profile, where candidates command the servo gains of the robot's maker."""
     candidates = [TrotParameters(), TrotParameters(frequency=2.2)]
     monkeypatch.setattr(
         HardwareConfig, "robot_model", SIMPLE_QUAD.with_servo()._with(servo_stiffness=np.full(12, 200.0))
@@ -96,7 +96,7 @@ def test_a_stack_is_its_members_each_on_its_share_of_every_block(blocks, rows):
 
 
 def test_scenarios_walked_side_by_side_are_those_walked_alone():
-    """To the bit, also where on one of them all have fallen long before the end."""
+    """Results are equal to the bit, also if all robots of one scenario fall long before the end."""
     pushes = quad_env.Pushes(count=1, impulse=120.0, window=(0.1, 0.4))
     felled = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=pushes)
     seeds = episode_seeds("search", 0, 3)
