@@ -22,7 +22,7 @@ GROUP = "quad_env"
 
 @dataclass(frozen=True)
 class Extension:
-    """Objects that another package or script adds to this project: one mapping, name -> object, for each kind.
+    """Objects that another package or script adds to this project: name -> object, for each kind.
 
     A name must differ from the built-in names of the same kind. docs/extending.md has an example of each kind.
     """
@@ -129,7 +129,9 @@ def named(kind: str) -> dict[str, Any]:
 
 
 def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the objects of one kind that the extensions add; check that their names differ from built-in names.
+    """Return the objects of one kind that the extensions add, after a check of their names.
+
+    The names must differ from the built-in names of this kind.
 
     Args:
         kind: Name of a field of `Extension`, such as `robots`.
@@ -148,7 +150,7 @@ def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """Return the keys that `first` and `second` share, sorted and joined by commas; empty if they share none."""
+    """Return the keys that `first` and `second` share, sorted and joined by commas; empty if none."""
     return ", ".join(sorted(set(first) & set(second)))
 
 
@@ -191,7 +193,7 @@ def _load(entry_point: EntryPoint) -> Extension | None:
 
 
 def _first_clash(extensions: list[Extension], extension: Extension) -> str | None:
-    """Return the first kind and name, for example `robots rex`, that `extension` shares with one of `extensions`.
+    """Return the first kind and name, such as `robots rex`, that `extension` shares with `extensions`.
 
     The result is None if `extension` shares no name of the same kind with the others.
     """

@@ -1,8 +1,8 @@
 """Controlled stops: episodes in which the robot lowers itself to the ground and comes to rest.
 
 An episode ends in a controlled stop if three conditions hold. In its last second, the trunk leans less than 30° and
-sinks slower than 0.3 m/s. At its end, the trunk is low. The episode ends by the fall rule, or with the joints at rest.
-An episode that ends in a controlled stop does not count as a fall.
+sinks slower than 0.3 m/s. At its end, the trunk's centre is below 0.3 m. The episode ends by the fall rule, or with the
+joints at rest. An episode that ends in a controlled stop does not count as a fall.
 """
 
 import numpy as np
@@ -19,16 +19,16 @@ MAX_SINK_SPEED = 0.3
 MAX_REST_HEIGHT = 0.3
 """Maximum height of the trunk's centre above the ground at the end of a controlled stop, m.
 
-It excludes robots that stand still: they are higher.
+The limit excludes robots that stand still, because their trunk is higher.
 """
 MAX_REST_JOINT_SPEED = 0.5
-"""Joint speed below which a joint counts as at rest at the end of a controlled stop, rad/s."""
+"""Speed below which a joint is at rest, in the definition of a controlled stop, rad/s."""
 MIN_REST_TIME = 0.2
-"""Time at the end of an episode in which all joints must be at rest for a controlled stop, s."""
+"""Time before the end of an episode during which all joints must be at rest for a controlled stop, s."""
 
 
 def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return the mask of the `episodes` that ended in a controlled stop of the robot, (n,)."""
+    """Return True for the `episodes` that ended in a controlled stop (robot lies down gently), (n,)."""
     steps = episodes.steps
     dt = episodes.dt
     end = np.minimum(episodes.fall_step, steps - 1)
@@ -43,9 +43,10 @@ def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
 
 
 def _is_gentle(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return the mask of the steps in which the trunk neither leans nor sinks too much, (steps, n).
+    """Return True for control steps in which the trunk leans little and sinks slowly, (steps, n).
 
-    The limits are MAX_TILT and MAX_SINK_SPEED.
+    The trunk leans little if its tilt is below MAX_TILT, and sinks slowly if its downward speed is below
+    MAX_SINK_SPEED.
     """
     height = episodes.position[..., 2].astype(np.float64)
     sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / episodes.dt

@@ -1,4 +1,4 @@
-"""Sums and means over control steps, with bit-identical results for an episode alone and in a batch."""
+"""Sums and means over control steps; results are bit-identical for an episode alone and in a batch."""
 
 from typing import Any, TypeVar
 
@@ -13,7 +13,7 @@ Entry = TypeVar("Entry", bound=np.generic)
 
 
 def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
-    """Return the mask of the control steps before each episode's fall (the upright steps).
+    """Return True for the upright steps, which are the control steps before the fall in each episode.
 
     Args:
         fall_step: First control step after which the robot had fallen, (n,).
@@ -26,20 +26,21 @@ def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
 
 
 def total(values: Floats) -> Floats:
-    """Return the sum of `values`, (steps, n, …), over the steps, (n, …).
+    """Return the sum of `values`, (steps, n, …), over the control steps, (n, …).
 
-    The values are first copied to contiguous memory, because the memory layout determines the order of the additions.
+    The values are first copied to contiguous memory, because the memory layout determines the order of the additions,
+    and the order changes the last bits of the sum.
     """
     return np.asarray(np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1))
 
 
 def count(mask: Bools) -> NDArray[np.int64]:
-    """Count the true steps of each episode in `mask`, (steps, n, …); the counts are integers, (n, …)."""
+    """Count the control steps in which `mask`, (steps, n, …), is True; the counts are integers, (n, …)."""
     return np.asarray(np.count_nonzero(mask, axis=0))
 
 
 def upright_mean(values: Floats, upright: Bools) -> Floats:
-    """Return the mean of `values` over the upright steps (the steps before a fall) of each episode.
+    """Return the mean of `values` over the upright steps (control steps before a fall) of each episode.
 
     Args:
         values: Value in each control step, (steps, n, …).
@@ -53,14 +54,15 @@ def upright_mean(values: Floats, upright: Bools) -> Floats:
 
 
 def upright_share(mask: Bools, upright: Bools) -> Floats:
-    """Return the fraction of true entries of `mask` in the upright steps (before a fall) of each episode.
+    """Return the fraction of the upright steps (before a fall) of each episode in which a condition holds.
 
     Args:
-        mask: Condition in each control step, (steps, n, …).
+        mask: True if the condition holds, in each control step and for each foot or joint, (steps, n, …).
         upright: True for upright steps, (steps, n).
 
     Returns:
-        Fraction over the upright steps and all further array axes, (n,); NaN if an episode has no upright step.
+        Fraction of the true elements over the upright steps and all further array axes, (n,); NaN if an episode has no
+        upright step.
     """
     entries = mask[0, 0].size
     counts = count(mask & over_steps(upright, mask))
@@ -68,12 +70,12 @@ def upright_share(mask: Bools, upright: Bools) -> Floats:
 
 
 def quotient(sums: Numbers, counts: Numbers) -> Floats:
-    """Return `sums` / `counts` elementwise, with NaN where the count is 0."""
+    """Return `sums` divided by `counts`, element by element; the result is NaN for a count of 0."""
     return np.where(counts > 0, sums / np.where(counts > 0, counts, 1), np.nan)
 
 
 def planar(vectors: Floats) -> Floats:
-    """Return the horizontal length of `vectors`, (…, k), computed from their first two components, (…)."""
+    """Return the horizontal length of `vectors`, (…, k), from their x and y components, (…)."""
     return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 

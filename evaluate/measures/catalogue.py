@@ -1,4 +1,4 @@
-"""Definitions of all measures of an episode: title, unit, frame, formula and source, for reports."""
+"""Definitions of all measures (numbers per episode): title, unit, frame, formula and source."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ class Measure:
     """Definition of one measure of an episode, as shown in reports."""
 
     name: str
-    """Name of the measure: field of `evaluate.measures.metrics.Measures` and column of episodes.parquet."""
+    """Name of the measure: a field of `evaluate.measures.metrics.Measures` and a column of episodes.parquet."""
     title: str
     """Title of the measure in tables."""
     unit: str
@@ -24,7 +24,7 @@ class Measure:
     formula: str
     """Formula or definition of the measure in words, with the symbols that KEY explains."""
     source: str = ""
-    """Publication or rule version that defines the measure; empty if this project defined it."""
+    """Publication, or version of a rule of this project, that defines the measure; empty if there is none."""
     scope: Scope = "while upright"
     """Control steps that enter the measure: the whole episode, or only the steps before a fall."""
 
@@ -36,7 +36,7 @@ KEY = (
     "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
-"""Explanation, for reports, of the symbols in the formulas of measures and of `while upright`."""
+"""Explanation of the symbols in the formulas of measures, and of the scope `while upright`, for reports."""
 WHOLE: Scope = "whole episode"
 ENERGY = f"rule {effort.ENERGY_RULE}"
 CAP = f"{tracking.VELOCITY_CAP:g} m/s"
@@ -118,15 +118,15 @@ MEASURES = (
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
 OF_CAUSES = ("cause", "cause_time", "cause_detail")
-"""Names of the measures of the cause of failure, which only failed episodes have."""
+"""Names of the measures that describe the cause of a failure; only failed episodes have them."""
 FIGURES = tuple(
     name
     for name in BY_NAME
     if name not in ("outcome", "fell", "diverged", *_LISTS, *OF_CAUSES) and not name.startswith("push_")
 )
-"""Names of the measures with one number per episode, except outcomes, causes and pushes."""
+"""Names of the measures that are one number per episode; outcomes, causes and measures of pushes are excluded."""
 EFFORT = (
     *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
 )
-"""Names of the effort measures that tables show next to the success rate."""
+"""Names of the measures of motor effort and gait that tables show next to the success rate."""

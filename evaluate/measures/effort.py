@@ -1,7 +1,7 @@
-"""Measures of motor effort, with the formulas in `evaluate.measures.catalogue`.
+"""Measures of motor effort, such as energy and cost of transport.
 
-Only the control steps after the first second and before a fall count. A measure is NaN for an episode that has none of
-these steps.
+`evaluate.measures.catalogue` contains their formulas. Only the control steps after the first second and before a fall
+enter a measure. The measure is NaN for an episode that has none of these steps.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient,
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE = "energy/2"
-"""Version of the energy measures, which are computed from the joint torques in every physics step."""
+"""Name and version of the rule for energy measures: joint torques in every physics step give the energy."""
 MIN_DISTANCE = 1.0
 """Minimum distance of an episode for which a cost of transport is computed, m.
 
@@ -19,7 +19,7 @@ The cost over a shorter distance is NaN, because the quotient energy / distance 
 LIMIT_MARGIN = 0.01
 """Distance from a joint limit within which a joint counts as at its limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")
-"""Names of the signals that are summed over time and joints to give a measure with the same name, J."""
+"""Names of the signals, J, for which the sum over time and joints is a measure of the same name, J."""
 
 
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
@@ -27,7 +27,7 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
 
     Args:
         episodes: Recorded episodes.
-        upright: True for control steps before a fall, (steps, n).
+        upright: True for control steps before the robot's fall, (steps, n).
         distance: Distance that the robot covered in each episode, (n,), m.
 
     Returns:
@@ -60,29 +60,29 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
 
 
 def _sum(signal: Recorded, counted: Bools) -> Floats:
-    """Return the sum of `signal`, (steps, n, 12), over all joints and over the steps in `counted`, (n,).
+    """Return the sum of `signal`, (steps, n, 12), over all joints and the counted control steps, (n,).
 
-    `counted`, (steps, n), is True for the steps to include.
+    `counted`, (steps, n), is True for the control steps that enter the sum.
     """
     return total(np.where(counted, signal.astype(np.float64).sum(axis=-1), 0.0))
 
 
 def _peaks(signal: Recorded, counted: Bools) -> Floats:
-    """Return the largest value of `signal`, (steps, n, 12), in the steps in `counted`, for each joint.
+    """Return the largest value of a signal of each joint in the counted control steps.
 
     Args:
         signal: Signal that is not negative, (steps, n, 12).
-        counted: True for the steps to include, (steps, n).
+        counted: True for the control steps that enter the maximum, (steps, n).
 
     Returns:
-        Maxima, (n, 12); NaN for an episode with no step to include.
+        Maxima, (n, 12), in the unit of the signal; NaN if no step of an episode is counted.
     """
     peak = np.where(counted[..., None], signal, -1.0).max(axis=0).astype(np.float64)
     return np.where(peak < 0, np.nan, peak)
 
 
 def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Return the cost of transport of each episode: energy / (weight · distance), without unit.
+    """Return the cost of transport of each episode: energy / (weight · distance), dimensionless.
 
     Args:
         energy: Mechanical energy of each episode, (n,), J.
@@ -96,10 +96,10 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
 
 
 def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
-    """Return the cost of transport of several episodes together, without unit.
+    """Return the cost of transport of several episodes together, dimensionless.
 
-    It is the total energy divided by weight times total distance. It is not a mean over the episodes, because an
-    episode with a command to stand still would dominate that mean.
+    It is the total energy divided by the product of weight and total distance. It is not a mean over the episodes,
+    because an episode with a command to stand still would dominate the mean.
 
     Args:
         energy: Mechanical energy of each episode, (n,), J.

@@ -13,21 +13,21 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_SIGNALS = ("stopped",)
-"""Names of the signals that only some policies provide; the environment's infos provide all others."""
+"""Names of the recorded signals that only some policies provide; the environment's infos provide all other signals."""
 OBSERVED_SIGNAL = "observed"
-"""Name of the signal that records gravity, angular and linear velocity as the policy observes them.
+"""Name of the signal that records gravity direction, angular and linear velocity as the policy observes them.
 
-It is recorded after each control step, and only if the policy does not observe the true state.
+The signal is recorded after each control step, and only if the policy does not observe the true state.
 """
 OBSERVED = ("projected_gravity", "angular_velocity", "linear_velocity")
 Limits = float | tuple[float, ...]
-"""Limit of the joints: one number for all joints, or one number for each joint."""
+"""Type of a limit of the joints, such as torque: one number for all joints, or one number for each joint."""
 BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
 """Names of the signals that are recorded as bool; all other signals are recorded as float32."""
 
 
 def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each signal for one robot in one control step: signal name -> shape.
+    """Return the shape of each recorded signal for one `robot` in one control step: signal name -> shape.
 
     `quad_env.task.readings` describes most of the signals.
     """
@@ -68,9 +68,9 @@ class Episodes:
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
     command: Recorded
-    """Commanded forward and lateral velocity and yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
+    """Commanded forward and lateral velocity, m/s, and yaw rate, rad/s, heading frame, (steps, n, 3)."""
     heading_velocity: Recorded
-    """Velocity and yaw rate of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
+    """Forward and lateral velocity, m/s, and yaw rate, rad/s, of the trunk, heading frame, (steps, n, 3)."""
     position: Recorded
     quaternion: Recorded
     angular_velocity: Recorded
@@ -95,13 +95,13 @@ class Episodes:
     stopped: Bools | None
     """True while a safety layer of the policy stops the robot, (steps, n); None if it has no safety layer."""
     observed: Recorded | None
-    """Gravity direction, angular velocity, rad/s, and velocity, m/s, as the policy observes them.
+    """Gravity direction (unit vector), angular velocity, rad/s, and velocity, m/s, as the policy observes them.
 
-    They are recorded after each step, base frame, (steps, n, 9). The value is None if the policy observes the true
-    state.
+    The nine components are recorded after each control step, base frame, (steps, n, 9). The attribute is None if the
+    policy observes the true state.
     """
     push_step: NDArray[np.int64]
-    """Control step in which each of k pushes begins, in ascending order, (n, k)."""
+    """Control step in which each of k pushes of an episode begins, in ascending order, (n, k)."""
     push_impulse: NDArray[np.float64]
     """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
@@ -109,7 +109,7 @@ class Episodes:
     fall_step: NDArray[np.int64]
     """First control step after which the robot had fallen or the simulation had diverged, (n,).
 
-    It is the number of steps if neither happened.
+    It is the number of control steps, `steps`, if neither happened.
     """
     fall_reason: NDArray[np.object_]
     """Reason for the fall in each episode, (n,).
@@ -119,7 +119,8 @@ class Episodes:
     divergence_step: NDArray[np.int64]
     """First control step after which the simulation had diverged, (n,).
 
-    It is the number of steps if the simulation did not diverge. The recorded signals of an episode end at this step.
+    It is the number of control steps, `steps`, if the simulation did not diverge. The recorded signals of an episode
+    end at this step.
     """
     dt: float
     """Duration of a control step, s."""
@@ -148,9 +149,9 @@ class Episodes:
 
     @property
     def settling(self) -> int:
-        """Number of control steps at the start of an episode that no measure of tracking or effort counts.
+        """Number of control steps at the start of an episode that do not enter measures of tracking or effort.
 
-        It corresponds to `tracking.SETTLING_TIME`.
+        The duration of these steps is `tracking.SETTLING_TIME`.
         """
         return round(tracking.SETTLING_TIME / self.dt)
 

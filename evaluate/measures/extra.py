@@ -1,6 +1,6 @@
-"""Extension measures: measures that other packages define and register with `add_extension`.
+"""Measures (numbers per episode) that other packages define and register in an `Extension`.
 
-Each one becomes a column of episodes.parquet.
+Each measure becomes a column of episodes.parquet, the table of the evaluated episodes.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from quad_env.extensions import check_new
 
 @dataclass(frozen=True)
 class ExtraMeasure:
-    """Measure that another package defines, and registers by name in a `quad_env.Extension`."""
+    """Measure (number per episode) that another package defines, and registers in a `quad_env.Extension`."""
 
     function: Callable[[Episodes], Any]
-    """Function that receives n recorded episodes and returns one value for each, (n,); NaN means no value."""
+    """Function that receives n recorded episodes and returns the measure of each, (n,); NaN if it is undefined."""
     title: str
     """Title of the measure in tables."""
     unit: str = ""
@@ -40,7 +40,7 @@ def extra_measures() -> dict[str, ExtraMeasure]:
         Name of the measure -> definition.
 
     Raises:
-        ValueError: A registered object is not an `ExtraMeasure`, or its name is already a column of episodes.parquet.
+        ValueError: An object is not an `ExtraMeasure`, or its name is already a column of episodes.parquet.
     """
     measures = check_new("measures", dict.fromkeys((*BY_NAME, *COLUMNS)))
     for name, measure in measures.items():

@@ -18,7 +18,7 @@ class Footfalls:
     """Stance and swing phases of the four feet in n episodes, before a fall."""
 
     stance: Bools
-    """True while a foot is in stance, including bounces shorter than MIN_SWING_TIME, (steps, n, 4)."""
+    """True while a foot is in stance, (steps, n, 4); a loss of contact shorter than MIN_SWING_TIME is included."""
     touch_down: Ints
     """Touch-down of each swing phase: the first control step of the stance that follows, (swings,).
 
@@ -27,9 +27,9 @@ class Footfalls:
     episode: Ints
     """Index of the episode of each swing phase, (swings,)."""
     foot: Ints
-    """Index of the foot of each swing phase in the order FL, FR, RL, RR, 0 … 3, (swings,).
+    """Index of the foot of each swing phase, 0 … 3 in the order FL, FR, RL, RR, (swings,).
 
-    Swing phases are sorted by episode, then by foot, then by time.
+    The swing phases are sorted by episode, then by foot, then by time.
     """
 
 
@@ -38,7 +38,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
 
     Args:
         contact: True if a foot touches the ground, (steps, n, 4).
-        upright: True for control steps before a fall, (steps, n); other steps do not count.
+        upright: True for control steps before a fall, (steps, n); other steps are ignored.
         dt: Duration of a control step, s.
 
     Returns:
@@ -54,32 +54,33 @@ def _landings(stance: Bools) -> tuple[Ints, Ints]:
     """Find the swing phases that have both a lift-off and a landing.
 
     Args:
-        stance: True while a foot is in stance, with a row for each foot of each episode, (rows, steps).
+        stance: True while a foot is in stance, (rows, steps), with a row for each foot of each episode.
 
     Returns:
-        Row of each swing phase, (swings,), and its last control step, (swings,).
+        Row index of each swing phase, (swings,), and the last control step of each swing phase, (swings,).
     """
     steps = stance.shape[1]
     change = np.diff(stance.astype(np.int8), axis=1)
     lift_off_row, lift_off = np.nonzero(change == -1)
     landing_row, landing = np.nonzero(change == 1)
-    # All rows are searched as one sequence of steps. Lift-offs and landings of a foot alternate, so the last lift-off
-    # before a landing is in the same row, unless the foot has not lifted off before.
+    # All rows (feet) are searched as one sequence of steps. Because lift-offs and landings of a foot alternate, the
+    # last lift-off before a landing is in the same row, unless the foot has not lifted off before.
     latest = np.searchsorted(lift_off_row * steps + lift_off, landing_row * steps + landing) - 1
-    owner = np.append(lift_off_row, -1)[latest]  # row of the latest lift-off; -1 if there is none before
+    # Row of the last lift-off before each landing; it is -1 if there is no earlier lift-off.
+    owner = np.append(lift_off_row, -1)[latest]
     is_swing = owner == landing_row
     return landing_row[is_swing], landing[is_swing]
 
 
 def debounce(contact: Bools, shortest: int) -> Bools:
-    """Close short gaps between contacts.
+    """Remove short interruptions of the contact of each foot with the ground (debouncing).
 
     Args:
         contact: True if a foot touches the ground, (steps, …).
-        shortest: Number of steps; every shorter gap between two contacts becomes contact.
+        shortest: Number of control steps; every shorter interruption between two contacts becomes contact.
 
     Returns:
-        Contacts with closed gaps, (steps, …).
+        True if a foot touches the ground or its contact is interrupted only shortly, (steps, …).
     """
     padded = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
     recent = padded.copy()

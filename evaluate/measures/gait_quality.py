@@ -1,7 +1,7 @@
-"""Measures of the gait, such as step rate and duty factor; formulas are in the catalogue of measures.
+"""Measures of the gait, such as step rate and duty factor (fraction of time in stance).
 
-Only the control steps after the first second and before a fall count. A measure is NaN for an episode that has none of
-these steps. The catalogue is `evaluate.measures.catalogue`.
+`evaluate.measures.catalogue` contains their formulas. Only the control steps after the first second and before a fall
+enter a measure. The measure is NaN for an episode that has none of these steps.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
 TOUCHDOWN_TIME = 0.02
-"""Duration after the landing of a foot that counts as its touch-down, s.
+"""Duration of a touch-down, which is the time after the landing of a foot in which its impulse is measured, s.
 
 A touch-down starts with the control step in which the foot lands, and lasts a whole number of control steps.
 """
@@ -23,7 +23,7 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
 
     Args:
         episodes: Recorded episodes.
-        upright: True for control steps before a fall, (steps, n).
+        upright: True for control steps before the robot's fall, (steps, n).
 
     Returns:
         Name of the measure -> value of each episode, (n,). The duty factor has a value for each foot, (n, 4).
@@ -51,12 +51,12 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
 
 
 def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
-    """Return the step rate: the number of touch-downs per foot and second.
+    """Return the step rate of each episode: touch-downs of one foot per second, mean of the feet.
 
     Args:
         falls: Stance and swing phases of the feet in n episodes.
-        first: First control step that counts.
-        upright: Number of control steps from `first` to the fall, (n,).
+        first: First control step that enters the measure.
+        upright: Number of control steps from `first` to the fall or the end of the episode, (n,).
         dt: Duration of a control step, s.
 
     Returns:
@@ -72,7 +72,7 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
     Args:
         impulse: Impulse of the ground on each foot in each control step, (steps, n, 4), N·s.
         falls: Stance and swing phases of the feet in n episodes.
-        first: First control step that counts.
+        first: First control step that enters the measure.
         end: Control step in which each episode ends, (n,).
         dt: Duration of a control step, s.
 
@@ -93,13 +93,13 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Return the mean horizontal speed with which feet in contact slip over the ground.
 
-    A foot counts between two consecutive control steps if it is on the ground in both. The speed is the speed of the
-    foot's centre, so the rolling of a spherical foot is included.
+    The movement of a foot between two consecutive control steps enters the mean if the foot is on the ground in both.
+    The speed is the speed of the foot's centre, so that the rolling of a spherical foot is included.
 
     Args:
         position: Foot positions, world frame, (steps, n, 4, 3), m.
         contact: True for feet on the ground, (steps, n, 4).
-        upright: True for control steps before a fall, (steps, n).
+        upright: True for control steps before the robot's fall, (steps, n).
         dt: Duration of a control step, s.
 
     Returns:

@@ -1,8 +1,8 @@
 """All measures of recorded episodes; unit, frame and formula are in `evaluate.measures.catalogue`.
 
-The first second of an episode does not count. A control step is *upright* if its signals were recorded before the robot
-fell or the simulation diverged; later steps do not count. Signals are recorded in single precision and evaluated in
-double precision.
+The first second of an episode does not enter the measures. A control step is *upright* if its signals were recorded
+before the robot fell or the simulation diverged; later steps do not enter the measures. Signals are recorded in single
+precision and evaluated in double precision.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from evaluate.measures.pushes import pushes
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of n episodes, each an array (n, …), with NaN for an episode in which it is not defined.
+    """Measures of n episodes; each is an array, (n, …), with NaN for episodes in which it is not defined.
 
     Unit, frame and formula of each measure are in `evaluate.measures.catalogue`.
     """
@@ -61,25 +61,25 @@ class Measures:
     duty_factor: Floats
     """Duty factor (fraction of time in stance) of each foot, order FL, FR, RL, RR, (n, 4)."""
     commands: Floats
-    """Velocity command of each of k intervals of constant command, (n, k, 3), m/s, m/s, rad/s.
+    """Command of each of k intervals of constant command, (n, k, 3): forward and lateral m/s, yaw rate rad/s.
 
-    It is NaN if the robot had fallen before the interval's start.
+    The command is in the heading frame. It is NaN if the robot had fallen before the start of the interval.
     """
     mean_velocities: Floats
-    """Mean velocity in each of k command intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+    """Mean velocity in each of k command intervals, (n, k, 3): forward and lateral m/s, yaw rate rad/s.
 
-    It is NaN if the robot had fallen before the interval's end.
+    The velocity is in the heading frame. It is NaN if the robot had fallen before the end of the interval.
     """
     push_time: Floats
     """Time at which each of k pushes begins, (n, k), s."""
     push_impulse: Floats
     """Impulse of each of k pushes, heading frame just before the push, x and y, (n, k, 2), N·s."""
     push_fell: Floats
-    """1 if a fall is attributed to the push, otherwise 0, for each of k pushes, (n, k)."""
+    """1 if a fall is attributed to the push, otherwise 0, for each of k pushes, (n, k); NaN after a fall."""
     cause: NDArray[np.object_]
     """Cause of the failure in each episode, one of `evaluate.causes.rules.CAUSES`, (n,).
 
-    It is None for a successful episode, and if the cause is not known.
+    It is None if the episode succeeded, or if the cause is not known.
     """
     cause_time: Floats
     cause_detail: NDArray[np.object_]
@@ -93,7 +93,7 @@ class Measures:
 
     @property
     def stalled(self) -> Bools:
-        """True for episodes with the outcome `stalled`: upright, but with too little progress, (n,)."""
+        """True for episodes with the outcome `stalled` (too little progress, or a controlled stop), (n,)."""
         return np.asarray(self.outcome == STALLED)
 
 
@@ -135,7 +135,7 @@ def outcome(
     Args:
         episodes: Recorded episodes.
         rule: Success rule, with tolerances for the velocity errors.
-        tracking_measures: Name -> measure of command tracking; None to compute these measures here.
+        tracking_measures: Name -> measure of command tracking; None to compute these measures from the episodes.
 
     Returns:
         One of OUTCOMES for each episode, (n,).
@@ -161,7 +161,7 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Compute the metrics with which training validates a policy: name -> value over all `episodes`."""
+    """Compute the metrics with which training validates a policy: name -> one value for all `episodes`."""
     measures = measure(episodes)
     means = ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {
@@ -178,7 +178,7 @@ def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Fl
 
     Args:
         episodes: Recorded episodes.
-        upright: True for control steps before a fall, (steps, n).
+        upright: True for control steps before the robot's fall, (steps, n).
 
     Returns:
         measures: Name of the measure -> value of each episode, (n, …).

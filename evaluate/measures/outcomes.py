@@ -16,14 +16,14 @@ DIVERGED = "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Names of all outcomes; each episode has exactly one."""
 MIN_PROGRESS = 0.25
-"""Minimum progress: fraction of the commanded distance that a robot must cover along its command.
+"""Minimum progress: fraction of the commanded distance that a robot must cover in the commanded direction.
 
-An upright robot with less progress gets the outcome `stalled`.
+An episode in which an upright robot makes less progress has the outcome `stalled`.
 """
 MOVING = 0.05
 """Commanded planar speed above which a command interval requires MIN_PROGRESS, m/s.
 
-Below this speed, the tolerances of the success rule alone decide.
+In intervals with a lower commanded speed, only the tolerances of the success rule decide about success.
 """
 
 
@@ -37,16 +37,16 @@ class SuccessRule:
     angular: float
     """Tolerance of the yaw-rate error, rad/s."""
     share: float
-    """Additional tolerance, as a fraction of the commanded planar speed and of the commanded yaw rate."""
+    """Additional tolerance: fraction of the commanded planar speed, and of the commanded yaw rate."""
     stalls: bool = True
-    """True if an episode fails when the robot covers too little of the commanded distance in an interval.
+    """True if an episode fails when the robot covers too little of the commanded distance in a command interval.
 
-    The minimum is MIN_PROGRESS; it holds even if the velocity error is within the tolerances.
+    The minimum fraction is MIN_PROGRESS. It is required even if the velocity error is within the tolerances.
     """
     of_steps: bool = False
     """True if the tolerances apply to the mean error over the control steps of an episode.
 
-    False if they apply to the error of the mean velocity in each interval of constant command.
+    If it is False, the tolerances apply to the error of the mean velocity in each interval of constant command.
     """
 
     @property
@@ -74,11 +74,13 @@ class SuccessRule:
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
         """Return the relative velocity error of each interval of constant command: error / tolerance.
 
-        It is the larger one of the relative errors of the planar velocity and of the yaw rate.
+        It is the larger one of two relative errors: of the planar velocity and of the yaw rate.
 
         Args:
-            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
+            velocities: Mean velocity of the trunk in each interval, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
 
         Returns:
             Relative error, (n, k), at most 1 within the tolerance; NaN if the robot had fallen before the interval's
@@ -91,14 +93,16 @@ class SuccessRule:
         return np.maximum(velocity_error / velocity_tolerance, yaw_rate_error / yaw_rate_tolerance)
 
     def stalled(self, commands: Floats, velocities: Floats) -> Bools:
-        """Return the mask of the command intervals in which the robot stalls: it covers too little distance.
+        """Return True for command intervals in which the robot stalls, that is, covers too little distance.
 
-        The robot stalls if its speed along the command is below MIN_PROGRESS times the commanded speed. Intervals with
-        a commanded speed of at most MOVING do not count.
+        The robot stalls if its speed along the command is below MIN_PROGRESS times the commanded speed. The result is
+        False for intervals with a commanded speed of at most MOVING.
 
         Args:
-            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
+            velocities: Mean velocity of the trunk in each interval, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
 
         Returns:
             True for intervals in which the robot stalls, (n, k); all False if `stalls` is False.
@@ -108,11 +112,13 @@ class SuccessRule:
         return np.asarray(self.stalls & (speed > MOVING) & (along < MIN_PROGRESS * speed))
 
     def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
-        """Return the mask of the episodes in which the robot followed its commands within the tolerances.
+        """Return True for episodes in which the robot followed its commands within the tolerances.
 
         Args:
-            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
+            velocities: Mean velocity of the trunk in each interval, heading frame, (n, k, 3): forward and lateral
+                velocity, m/s, and yaw rate, rad/s.
             errors: Mean planar velocity error and mean yaw-rate error over the control steps of each episode, (n, 2),
                 m/s, rad/s. A rule with `of_steps` rejects every episode if `errors` is None.
 
@@ -167,8 +173,10 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
         stopped: True if a safety layer brought the robot to a controlled stop, (n,). The outcome is then `stalled`
             rather than `fell`.
         failed: True if the policy failed before a fall, for example by an exception, (n,).
-        commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
+            velocity, m/s, and yaw rate, rad/s.
+        velocities: Mean velocity of the trunk in each interval, heading frame, (n, k, 3): forward and lateral velocity,
+            m/s, and yaw rate, rad/s.
         errors: Mean errors over the control steps of each episode, (n, 2), as for `SuccessRule.on_command`.
         durations: Duration of each interval, (k,), in control steps.
         rule: Success rule, with the tolerances.
@@ -189,16 +197,18 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
 
 
 def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
-    """Return the progress of each episode: the covered distance along the commands / commanded distance.
+    """Return the progress of each episode: distance along the commands / commanded distance.
 
     Args:
-        commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
+            velocity, m/s, and yaw rate, rad/s.
+        velocities: Mean velocity of the trunk in each interval, heading frame, (n, k, 3): forward and lateral velocity,
+            m/s, and yaw rate, rad/s.
         durations: Duration of each interval, (k,), in any unit.
 
     Returns:
-        Progress, (n,). It is the fraction of the commanded turn if no distance is commanded, and 1 if no turn is
-        commanded either.
+        Progress, (n,), dimensionless. If no distance is commanded, it is the fraction of the commanded turn. If no turn
+        is commanded either, it is 1.
     """
     speed = planar(commands)
     along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)

@@ -1,6 +1,6 @@
-"""Measures of pushes: time and impulse of each push, and the falls that follow.
+"""Measures of pushes on the trunk: time and impulse of each push, and the falls that follow.
 
-Arrays have the shape (n, k) for k pushes in each of n episodes. They are NaN for pushes after a fall.
+Arrays have the shape (n, k, …) for k pushes in each of n episodes. They are NaN for pushes after a fall.
 """
 
 import numpy as np
@@ -16,10 +16,11 @@ MAX_TIME_TO_FALL = 2.0
 
 
 def pushes(episodes: Episodes) -> dict[str, Floats]:
-    """Compute the measures of pushes in the recorded `episodes`: name -> values, (n, k) for k pushes.
+    """Compute the measures of the k pushes in each of n recorded `episodes`: name of the measure -> array.
 
-    `push_impulse` is in the heading frame, (n, k, 2), N·s. `fall_after_push`, the fraction of pushes that are followed
-    by a fall, is (n,).
+    `push_time`, (n, k), is the start of each push, s. `push_impulse`, (n, k, 2), is its impulse in the heading frame,
+    N·s. `push_fell`, (n, k), is 1 if a fall follows the push, else 0. `fall_after_push`, (n,), is the fraction of
+    pushes that a fall follows.
     """
     onset = episodes.push_step
     fall = episodes.fall_step[:, None]
@@ -35,7 +36,7 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
 
 
 def _heading_impulse(episodes: Episodes) -> Floats:
-    """Return the impulse of each push in the heading frame just before the push, (n, k, 2), N·s."""
+    """Return the impulse of each push, x and y in the heading frame before the push, (n, k, 2), N·s."""
     step_before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1)
     quaternion = episodes.quaternion[step_before, np.arange(episodes.count)[:, None]].astype(np.float64)
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
@@ -46,7 +47,7 @@ def _heading_impulse(episodes: Episodes) -> Floats:
 
 
 def _next_onset(onset: Ints, steps: int) -> Ints:
-    """Return the control step in which the next push begins, (n, k).
+    """Return the control step in which the push after each push begins, (n, k).
 
     Args:
         onset: Control step in which each push begins, (n, k).

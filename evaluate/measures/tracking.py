@@ -1,7 +1,7 @@
-"""Measures of command tracking: pure functions of (steps, n, …) arrays in the heading frame.
+"""Measures of command tracking: pure functions of arrays, (steps, n, …), in the heading frame.
 
-In the errors, every control step after a fall counts with the largest possible error, because a fall must not reduce an
-error. `velocity_error_upright`, `mean_velocities` and `distance_covered` do not count these steps.
+In the measures of the error, every control step after a fall has the largest possible error, because a fall must not
+reduce an error. `velocity_error_upright`, `mean_velocities` and `distance_covered` exclude these steps.
 """
 
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ import numpy as np
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
 SETTLING_TIME = 1.0
-"""Time at the start of an episode and of each interval of constant command that does not count, s."""
+"""Time at the start of an episode, and of each interval of constant command, that measures of tracking exclude, s."""
 VELOCITY_CAP = 2.0
-"""Largest planar velocity error of a control step; every step after a fall counts with it, m/s."""
+"""Upper limit of the planar velocity error of a control step, m/s; every control step after a fall has this error."""
 YAW_RATE_CAP = 3.0
-"""Largest yaw-rate error of a control step; every step after a fall counts with it, rad/s."""
+"""Upper limit of the yaw-rate error of a control step, rad/s; every control step after a fall has this error."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,9 @@ class CommandIntervals:
     """Intervals of an episode in which the velocity command is constant, as slices of its control steps."""
 
     settled: tuple[slice, ...]
-    """Control steps of each command interval after the interval's first second.
-
-    Intervals of at most 1 s are left out.
-    """
+    """Control steps of each command interval after its first second; intervals of at most 1 s are left out."""
     travelled: tuple[slice, ...]
-    """Control steps of each command interval that are after the episode's first second."""
+    """Control steps of each command interval, except for the first second of the episode."""
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
@@ -40,7 +37,7 @@ def command_intervals(steps: int, command_steps: int, settling: int) -> CommandI
         settling: Number of control steps in SETTLING_TIME.
 
     Returns:
-        The intervals.
+        Slices of the control steps of all command intervals.
     """
     intervals = [slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps)]
     return CommandIntervals(
@@ -52,12 +49,12 @@ def command_intervals(steps: int, command_steps: int, settling: int) -> CommandI
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean planar velocity error over all control steps; it is VELOCITY_CAP after a fall.
+    """Return the mean planar velocity error over all steps; after a fall the error is VELOCITY_CAP.
 
     Args:
-        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
 
     Returns:
         Mean error of each episode, (n,), m/s.
@@ -66,12 +63,12 @@ def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
 
 
 def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean yaw-rate error over all control steps; it is YAW_RATE_CAP after a fall.
+    """Return the mean yaw-rate error over all control steps; after a fall the error is YAW_RATE_CAP.
 
     Args:
-        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
 
     Returns:
         Mean error of each episode, (n,), rad/s.
@@ -85,9 +82,9 @@ def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) ->
     The error of a step is limited to VELOCITY_CAP.
 
     Args:
-        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
 
     Returns:
         Mean error of each episode, (n,), m/s; NaN if an episode has no step before a fall.
@@ -98,14 +95,14 @@ def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) ->
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
     """Return the mean over all command intervals of the planar error ‖command − mean velocity‖.
 
-    The mean velocity of an interval is computed over its steps before a fall. The error of this mean counts once for
-    each of these steps. Each step after a fall counts with the error VELOCITY_CAP.
+    The mean velocity of an interval is computed over its control steps before a fall. In the mean, the interval is
+    weighted with the number of these steps. Each control step after a fall has the error VELOCITY_CAP.
 
     Args:
-        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
-        windows: Slices of the control steps, with a constant command in each.
+        command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
+        windows: Slices of the control steps, one for each interval of constant command.
 
     Returns:
         Mean error of each episode, (n,), m/s.
@@ -126,12 +123,13 @@ def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> 
     """Return the command of each interval of constant command.
 
     Args:
-        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
         starts: First control step of each of the k intervals.
 
     Returns:
-        Commands, (n, k, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the interval's start.
+        Commands, (n, k, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the robot had fallen before
+        the start of the interval.
     """
     return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
@@ -140,12 +138,13 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
     """Return the mean velocity in each of k windows of control steps.
 
     Args:
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
         windows: k slices of the control steps.
 
     Returns:
-        Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the window's end.
+        Mean velocities, heading frame, (n, k, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the
+        robot had fallen before the end of the window.
     """
     means = [
         np.where(upright[window.stop - 1, :, None], window_mean(velocity, upright, window), np.nan)
@@ -158,8 +157,8 @@ def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, .
     """Return the covered distance: the sum over command intervals of ‖mean velocity‖ × time before a fall.
 
     Args:
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
         stretches: Slices of the control steps, one for each command interval.
         dt: Duration of a control step, s.
 
@@ -174,20 +173,21 @@ def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
     """Return the mean velocity over the control steps of a window that are before a fall.
 
     Args:
-        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for control steps before a fall, (steps, n).
+        velocity: Trunk velocity, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        upright: True for control steps before the robot's fall, (steps, n).
         window: Slice of the control steps.
 
     Returns:
-        Mean velocity, heading frame, (n, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the window.
+        Mean velocity, heading frame, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the robot
+        had fallen before the window.
     """
     mask = upright[window]
     return quotient(total(np.where(over_steps(mask, velocity), velocity[window], 0.0)), mask.sum(0)[:, None])
 
 
 def _capped(error: Floats, upright: Bools, cap: float) -> Floats:
-    """Limit the `error` of each step to `cap`, and set the error to `cap` in all steps after a fall.
+    """Limit the `error` of each control step to `cap`, and set it to `cap` in all steps after a fall.
 
-    `upright`, (steps, n), is True for the steps before a fall.
+    `error`, (steps, n), and `cap` have the same unit. `upright`, (steps, n), is True for the steps before a fall.
     """
     return np.where(upright, np.minimum(error, cap), cap)

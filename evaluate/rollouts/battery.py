@@ -26,13 +26,13 @@ from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_json_values, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
-"""Names of the first scenarios in the battery `quick`."""
+"""Names of the first scenarios in the battery (named list of scenarios) `quick`."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
-"""Disturbance axis -> its severity levels in the battery `quick`, counted from 1 for the mildest."""
+"""Name of a disturbance axis -> numbers of its severity levels in the battery `quick`; level 1 is the mildest."""
 LEVELS_ABOVE_NOMINAL = 2
-"""Number of severity levels above the nominal level that the battery `default` has on each axis."""
+"""Number of severity levels above the nominal level that the battery `default` has on each disturbance axis."""
 ALL = "all"
-"""Name of the battery of all nominal scenarios; in `push:all`, it selects all levels of an axis."""
+"""Name of the battery (list) of all nominal scenarios; in `push:all`, it selects all levels of the axis `push`."""
 _FILE_SEPARATOR = ".py:"
 """Text between the name of a Python file and a variable in the file, as in `file.py:NAME`."""
 
@@ -73,7 +73,7 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
 
     Args:
         names: Names on the command line.
-        robot: Robot; severities are scaled to its size.
+        robot: Robot of the scenarios; severities are scaled to its size.
 
     Returns:
         Scenarios in the order of the names.
@@ -103,13 +103,13 @@ def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
     Args:
         name: Name on the command line.
-        robot: Robot; the severity is scaled to its size.
+        robot: Robot of the scenario; the severity is scaled to its size.
 
     Returns:
         The scenario.
 
     Raises:
-        ValueError: The name stands for several scenarios.
+        ValueError: The name is unknown, or it selects several scenarios.
     """
     first, *others = resolve((name,), robot)
     if others:
@@ -162,9 +162,9 @@ def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios with the hardware profile (models of the real motors, sensors and delays).
+    """Return the `scenarios` with the hardware profile (models of the real motors, sensors and delays).
 
-    Two scenarios that become equal in this way are returned only once.
+    A scenario that occurs twice after this change is returned only once.
     """
     return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 
@@ -172,13 +172,13 @@ def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
 def _battery(
     robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """Return nominal scenarios, severity levels of each disturbance axis, and the steady walk.
+    """Return a battery: nominal scenarios, severity levels of each disturbance axis, and `steady`.
 
-    Equal scenarios are returned only once.
+    Scenarios that differ only in their names are returned only once.
 
     Args:
-        robot: Robot; severities are scaled to its size.
-        levels: Function that receives a disturbance axis and returns the indices of its levels in the battery.
+        robot: Robot of the scenarios; severities are scaled to its size.
+        levels: Function that receives a disturbance axis and returns the numbers of its levels in the battery, from 1.
         nominal: Names of the nominal scenarios.
 
     Returns:
@@ -232,7 +232,7 @@ def _as_scenarios(value: Any) -> tuple[Scenario, ...]:
 
 
 def _check(scenario: Scenario, file: str) -> None:
-    """Check that a scenario from a user's file has a free name and can be stored with the results.
+    """Check that a scenario from a user's file has an allowed name and can be stored with the results.
 
     Args:
         scenario: Scenario to check.

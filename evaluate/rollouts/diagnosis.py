@@ -1,6 +1,7 @@
-"""Diagnosis of external policies that do not walk: searches for a mistake in their description.
+"""Diagnosis of external policies that do not walk: search for a mistake in the policy's description.
 
-The description of a policy defines its observations, joint order, signs, scales and servo gains.
+An external policy was trained elsewhere. Its description defines its observations, joint order, signs, scales and servo
+gains.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,19 +24,22 @@ from quad_env.sensing.height_scan import table_with
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
-"""Name of a test command -> forward and lateral velocity, m/s, and yaw rate, rad/s, for SimpleQuad.
+"""Name of a test command -> commanded forward and lateral velocity, m/s, and yaw rate, rad/s, for SimpleQuad.
 
-The walk in a curve is needed because only there do the world frame and the base frame differ.
+The walk in a curve is needed to detect a wrong frame, because world frame and base frame differ only in a curve.
 """
 SEEDS = episode_seeds("search", 0, 2)
 SCREENING_COMMANDS = {"in a curve": COMMANDS["in a curve"]}
-"""Name -> command of the short walk with which corrections are selected for the full tests."""
+"""Name -> command of the short walk with which corrections of a policy's description are selected for full tests.
+
+A command is forward and lateral velocity, m/s, and yaw rate, rad/s, for SimpleQuad.
+"""
 SCREENING_SPEEDUP = 2.0
-"""Duration of a full walk divided by the duration of the short walk that selects corrections."""
+"""Duration of a full test walk, divided by the duration of the short walk that selects corrections."""
 MAX_FULL_TESTS = 10
-"""Maximum number of corrections that are tested with all commands after the short walk."""
+"""Maximum number of corrections of a policy's description that are tested with all commands after the short walk."""
 NUM_COMBINED_CORRECTIONS = 2
-"""Number of best single corrections that are also tested together with a second correction."""
+"""Number of best single corrections of a policy's description that are also tested with a second correction."""
 
 
 @dataclass(frozen=True)
@@ -46,34 +50,34 @@ class ServosByRow(HardwareConfig):
     """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of n robots, (2, n, 12)."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
-        """Return the keyword arguments of an environment with these servo gains: name -> value.
+        """Return the keyword arguments of an environment with the servo gains `gains`: name -> value.
 
         `robot` is the robot of the policy.
         """
         return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:
-        """Return the robot with the means of all servo gains over the batch."""
+        """Return the robot model, with the mean of the servo gains over the n robots of the batch."""
         is_uniform = (self.gains == self.gains[:, :1]).all()
         return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
 
 
 def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
-    """Test a policy: run a walk for each command in COMMANDS and each seed in SEEDS.
+    """Test a policy: run a short walk for each command in COMMANDS and each seed in SEEDS.
 
     Args:
         policy: Policy to test.
-        robot: Name or path of the robot.
+        robot: Name of the robot, or path of its model file.
         copies: Number of repetitions of all walks.
 
     Returns:
-        Results of the walks.
+        Results of the walks, sorted by repetition, then by command, then by seed.
     """
     return run_walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, copies)
 
 
 def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
-    """Describe the worst walk of each command that the policy did not follow: command name -> text."""
+    """Describe the worst of the `walks` for each command that was not followed: command name -> text."""
     worst = {walk.command_name: walk for walk in sorted(walks, key=lambda walk: walk.deviation)}
     return {name: worst[name].description for name in COMMANDS if name in worst and worst[name].deviation > 1.0}
 
@@ -90,12 +94,13 @@ def has_policy_failure(walks: Sequence[Walk]) -> bool:
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
     """Search for a mistake in the description of an external policy that explains why it does not walk.
 
-    The search first corrects one mistake, then several mistakes in the order of the joints. Last, it combines the best
-    corrections with a second one. All corrections are tested on a short walk, and the best ones with all commands.
+    The search corrects common mistakes and tests the corrected policies. It first corrects one mistake, then several
+    mistakes in the order of the joints. At last it combines the best corrections with a second one. All corrections are
+    tested on a short walk, and the best corrections with all commands.
 
     Args:
-        policy: A policy with a description of its observations and actions.
-        robot: Name or path of the robot.
+        policy: External policy with a description of its observations and actions.
+        robot: Name of the robot, or path of its model file.
 
     Returns:
         A sentence with the correction with which the policy walks best, or with the list of mistakes that were tried.
@@ -115,22 +120,24 @@ def diagnose(policy: ExternalPolicy, robot: str) -> str:
 
 
 def _rank(scored: tuple[float, Correction]) -> float:
-    """Return the sort key of a tested correction: its largest deviation plus its penalty.
+    """Return the sort key of a correction of a policy's description: largest deviation plus penalty.
 
-    The deviation is relative to the tolerance of the success rule.
+    `scored` is the pair of the largest deviation and the correction. The deviation is the velocity error of the
+    corrected policy divided by the tolerance of the success rule.
     """
     deviation, correction = scored
     return deviation + correction.penalty
 
 
 def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
-    """Return a sentence that names the best correction of a policy's description.
+    """Return a part of a sentence that names the best correction of a policy's description.
 
     Args:
-        scored: Pairs of largest deviation and correction; a deviation of at most 1 counts as walking.
+        scored: Pairs of largest deviation and correction. The deviation is the velocity error of the corrected policy
+            divided by the tolerance of the success rule; a policy with a deviation of at most 1 walks.
 
     Returns:
-        The sentence; empty if the policy does not walk with any correction.
+        The text; empty if the policy walks with none of the corrections.
     """
     walking = [pair for pair in scored if pair[0] <= 1.0]
     if not walking:
@@ -143,12 +150,13 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
     """Test corrections of a policy's description: all on a short walk, then the best with all commands.
 
     Args:
-        policy: A policy with a description of its observations and actions.
-        robot: Name or path of the robot.
+        policy: External policy with a description of its observations and actions.
+        robot: Name of the robot, or path of its model file.
         candidates: Corrections to test.
 
     Returns:
-        Pairs of largest deviation from any command and correction, sorted by the deviation on the short walk.
+        Pairs of largest deviation and correction, sorted by the deviation on the short walk. The deviation is the
+        largest velocity error for any command, divided by the tolerance of the success rule.
     """
     robot_model = HardwareConfig(robot=robot).robot_model
     tested = list(candidates)
@@ -171,17 +179,18 @@ def _largest_deviations(
     seeds: NDArray[np.int64],
     shortened_by: float = 1.0,
 ) -> NDArray[np.float64]:
-    """Return the largest deviation of each policy from its commands over several walks.
+    """Return the largest deviation of each policy from its commands over several test walks.
 
     Args:
-        policies: Policies to test together, each with its own servo gains.
-        robot: Name or path of the robot.
-        commands: Name -> command for SimpleQuad, m/s, m/s, rad/s.
+        policies: Policies to test together in one simulation, each with its own servo gains.
+        robot: Name of the robot, or path of its model file.
+        commands: Name -> command for SimpleQuad: forward and lateral velocity, m/s, and yaw rate, rad/s.
         seeds: Seeds of the episodes.
-        shortened_by: Duration of a full walk divided by the duration of these walks.
+        shortened_by: Duration of a full test walk, divided by the duration of these walks.
 
     Returns:
-        Deviations, (len(policies),), relative to the tolerance of the success rule; see `Walk.deviation`.
+        Largest velocity error of each policy, divided by the tolerance of the success rule, (len(policies),). It is
+        infinite after a fall or an error of the policy.
     """
     rows = len(commands) * len(seeds)
     gains = np.array([(policy.robot.servo_stiffness, policy.robot.servo_damping) for policy in policies])
@@ -194,7 +203,7 @@ def _largest_deviations(
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:
-    """Return a line for each incomplete field in the description file of an external policy."""
+    """Return a line of text for each incomplete field in the description file of an external `policy`."""
     return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
@@ -202,11 +211,11 @@ def warning(policy: Policy, robot: str) -> str | None:
     """Test an external policy on short walks, and return a warning if it does not stand or walk.
 
     Args:
-        policy: Policy to test; other policies than external ones are not tested.
-        robot: Name or path of the robot.
+        policy: Policy to test. The test is skipped if the policy is not external, that is, trained elsewhere.
+        robot: Name of the robot, or path of its model file.
 
     Returns:
-        The warning; None if the policy stands and walks, or was not tested.
+        The warning; None if the policy stands and walks, or if the test was skipped.
     """
     inner: Any = getattr(policy, "policy", policy)  # a safety layer has the external policy as attribute `policy`
     is_described = getattr(inner, "spec", None) is not None
@@ -224,9 +233,9 @@ def warning(policy: Policy, robot: str) -> str | None:
 
 
 def suggest_description(policy: ExternalPolicy) -> str:
-    """Return advice on describing the observation of an external policy that has no description.
+    """Return advice for the user of an external policy that has no description of its observation.
 
-    The text names the observation that the policy received.
+    The text lists the observation terms that this environment gave to the policy, and suggests a remedy.
     """
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())

@@ -22,20 +22,23 @@ class Step:
     """State of n robots after one control step; step 0 is the start of their episodes."""
 
     number: int
-    """Number of simulated control steps; 0 at the start."""
+    """Number of control steps that have been simulated; 0 at the start of the episodes."""
     env: "SimpleQuadVectorEnv"
     action: Actions
-    """Joint targets that were applied in this step, (n, 12), rad; the home pose at the start."""
+    """Joint targets that were applied in this step, (n, 12), rad; at the start they are the home pose."""
     observation: NDArray[np.float32]
     """Observation after the step, from which the policy computes its next action, (n, k)."""
     infos: dict[str, Any]
-    """Infos of the environment: name of a reading -> array; `quad_env.task.readings` describes them."""
+    """Infos of the environment: name of a reading, such as `heading_velocity` -> array, (n, …).
+
+    `quad_env.task.readings` describes the readings.
+    """
 
 
 Observer = Callable[[Step], bool | None]
-"""Function that receives the start and each control step of a rollout; it ends the rollout with True.
+"""Function that receives the start and each control step of a rollout; it returns True to end the rollout.
 
-An observer may change the policy; the change takes effect with the next action.
+An observer may change the policy; the change takes effect with the next action of the policy.
 """
 
 
@@ -62,7 +65,7 @@ class FallRecorder:
         self._steps = steps
 
     def __call__(self, step: Step) -> None:
-        """Record the falls in a control step; the end of an episode at the time limit is not a fall."""
+        """Record the robots that fell in a control `step`; reaching the time limit of an episode is no fall."""
         fall = step.infos["fall"]
         diverged = step.infos["diverged"]
         index = step.number - 1

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 STEPS = 1000
 """Number of control steps of an episode up to the time limit."""
 REPORT_PERIOD = 25
-"""Number of control steps between two calls of the progress function."""
+"""Number of control steps of a rollout between two calls of the progress function."""
 
 Progress = Callable[[float], None]
-"""Function that receives the finished fraction of a rollout, 0 … 1, and shows it.
+"""Function that receives the finished fraction of a rollout, 0 … 1, and shows it to the user.
 
-It receives 1 exactly once, at the end.
+It receives the value 1 exactly once, at the end of the rollout.
 """
 
 
@@ -52,10 +52,12 @@ def roll_out(
         seeds: Seeds of the episodes, (n,).
         *observers: Functions that receive the start and every control step; see `Observer`.
         steps: Maximum number of control steps.
-        nthread: Number of threads of the simulation.
-        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
-        terminate_on_fall: True to freeze a robot when it falls. The steps before the fall do not depend on it.
-        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        nthread: Number of threads with which the robots are simulated.
+        command: Constant command for all robots, (3,), or for each robot, (n, 3): forward and lateral velocity, m/s,
+            and yaw rate, rad/s. If it is None, the commands of the scenario are used.
+        terminate_on_fall: True if a robot is frozen when it falls. The control steps before the fall do not depend on
+            this argument.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
     """
     env = make_env(
         policy,
@@ -82,17 +84,18 @@ def iterate_episode(
     command: ArrayLike | None = None,
     hardware: HardwareConfig = IDEAL,
 ) -> Generator[Step]:
-    """Iterate over the control steps of one episode; a fallen robot keeps moving.
+    """Iterate over the control steps of one episode; a robot that has fallen keeps moving.
 
-    Each control step is simulated when it is requested.
+    Each control step is simulated when the caller requests it.
 
     Args:
         policy: Policy that controls the robot.
         scenario: Scenario or its name.
         seed: Seed of the episode.
         steps: Maximum number of control steps.
-        command: Constant velocity command, (3,), m/s, m/s, rad/s; None for the commands of the scenario.
-        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        command: Constant command: forward and lateral velocity, m/s, and yaw rate, rad/s, (3,). If it is None, the
+            commands of the scenario are used.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
 
     Yields:
         The start of the episode and every control step.
@@ -104,13 +107,14 @@ def iterate_episode(
 def _iterate_steps(
     policy: Policy, env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None
 ) -> Generator[Step]:
-    """Yield the start and the control steps of some episodes, and close the environment at the end.
+    """Yield the start and all control steps of n episodes, and close the environment at the end.
 
     Args:
         policy: Policy that controls all robots.
         env: Environment with one robot for each seed.
         seeds: Seeds of the episodes, (n,).
-        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
+        command: Constant command for all robots, (3,), or for each robot, (n, 3): forward and lateral velocity, m/s,
+            and yaw rate, rad/s. If it is None, the commands of the scenario are used.
 
     Yields:
         The start of the episodes and every control step.
@@ -143,12 +147,12 @@ def make_env(
         scenario: Scenario or its name.
         count: Number of robots.
         steps: Maximum number of control steps of an episode; None for no limit.
-        nthread: Number of threads of the simulation.
-        terminate_on_fall: True to freeze a robot when it falls.
-        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        nthread: Number of threads with which the robots are simulated.
+        terminate_on_fall: True if a robot is frozen when it falls.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
 
     Returns:
-        An environment in which a robot is not reset when its episode ends.
+        An environment that does not reset a robot when its episode ends.
     """
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
@@ -171,8 +175,9 @@ def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command
 
     Args:
         env: Environment with one robot for each seed.
-        seeds: Seeds, (n,).
-        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
+        seeds: Seeds of the episodes, (n,).
+        command: Constant command for all robots, (3,), or for each robot, (n, 3): forward and lateral velocity, m/s,
+            and yaw rate, rad/s. If it is None, the commands of the scenario are used.
 
     Returns:
         State of the robots at the start, as control step 0.
@@ -186,7 +191,7 @@ def advance(step: Step, action: Actions) -> tuple[Step, bool]:
     """Simulate one control step of all robots.
 
     Args:
-        step: Previous control step, with the environment.
+        step: Previous control step, which contains the environment.
         action: Joint targets, (n, 12), rad.
 
     Returns:
@@ -206,16 +211,16 @@ def run(
     progress: Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
 ) -> Episodes:
-    """Run and record one episode of a policy for each seed.
+    """Run one episode of a policy for each seed, and record the signals of all control steps.
 
     Args:
         policy: Policy that controls all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
-        nthread: Number of threads of the simulation.
+        nthread: Number of threads with which the robots are simulated.
         steps: Maximum number of control steps of an episode.
         progress: Function that receives the finished fraction, 0 … 1.
-        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
 
     Returns:
         The recorded signals of all episodes.
@@ -270,7 +275,7 @@ class EpisodeRecorder:
         }
 
     def _record_failure(self, step: Step) -> None:
-        """Record errors of the policy in this control step, for robots that had not fallen before the step."""
+        """Record the errors that the policy reports in a control `step`, for robots that have not fallen."""
         if (failure := getattr(self._policy, "failure", None)) is None:
             return
         self._failure = np.where(self.falls.fell, self._failure, failure)

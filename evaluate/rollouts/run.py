@@ -1,7 +1,7 @@
-"""Execution of a comparison: divides the episodes into tasks, simulates them, and joins the results.
+"""Execution of a comparison of policies: divides episodes into tasks, and simulates and joins them.
 
-A cell is the result of one policy on one scenario. A task simulates some of its episodes together. The result of a task
-is a chunk, that is the result of this subset of episodes.
+A cell is the result of one policy on one scenario. A task simulates a subset of the episodes of a cell together. The
+result of this subset is a chunk.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -48,11 +48,12 @@ class EpisodeStore(Protocol):
 
 
 TaskProgress = Callable[[int, float], None]
-"""Progress function with two arguments: index of a task in the list, and finished fraction, below 1."""
+"""Progress function with two arguments: index of a task in the list of tasks, and its finished fraction, below 1."""
 Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, EpisodeChunk]]]
-"""Function that runs a list of tasks in any order, and reports their progress.
+"""Function that runs a list of tasks in any order, and reports their progress to a progress function.
 
-It yields the index and the result (a chunk of episodes) of each finished task.
+A task simulates a subset of the episodes of one policy on one scenario. The function yields the index and the result of
+each finished task.
 """
 
 
@@ -64,17 +65,14 @@ class RunSettings:
     """Number of threads of the simulation, if `executor` is None."""
     progress: CellProgress
     chunk_size: int = 256
-    """Maximum number of episodes that are simulated together.
-
-    It limits the memory of a run.
-    """
+    """Maximum number of episodes that are simulated together; it limits the memory of a run."""
     store: EpisodeStore | None = None
     steps: int = field(default_factory=lambda: rollout.STEPS)
     """Maximum number of control steps of an episode."""
     executor: Executor | None = None
-    """Function that runs the tasks; None runs them one after the other in this process."""
+    """Function that runs the tasks (subsets of episodes); None to run them one after the other in this process."""
     hardware: HardwareConfig = IDEAL
-    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
+    """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
 
 
 def run_cells(
@@ -122,7 +120,7 @@ def run_cells(
 
 
 def sequential(nthread: int) -> Executor:
-    """Return an executor that runs one task after the other in this process, each with `nthread` threads."""
+    """Return a function that runs one task after the other in this process, each with `nthread` threads."""
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
         for task_index, task in enumerate(tasks):
@@ -135,9 +133,9 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
     """Simulate and measure the episodes of a task.
 
     Args:
-        task: Episodes of one policy on one scenario.
-        nthread: Number of threads of the simulation.
-        progress: Function that receives the finished fraction, below 1.
+        task: Subset of the episodes of one policy on one scenario.
+        nthread: Number of threads with which the robots are simulated.
+        progress: Function that receives the finished fraction of the task, below 1.
 
     Returns:
         The result of these episodes.
@@ -170,7 +168,7 @@ def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicySc
 
 
 def _save(store: EpisodeStore, chunk: EpisodeChunk) -> None:
-    """Save a `chunk` of episodes in the `store`; raise StoreError if the operating system cannot write it."""
+    """Save a `chunk` (results of some episodes) in the `store`; raise StoreError if it cannot be written."""
     try:
         store.save(chunk)
     except OSError as error:
@@ -192,13 +190,13 @@ class _PendingCell:
         self.settings = settings
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.running_episodes: dict[int, float] = {}
-        """Index of the first episode of each running task -> number of its finished episodes.
+        """Index of the first episode of each running task -> equivalent number of its finished episodes.
 
-        The number is not whole, because running episodes count by their finished fraction.
+        The number is a float: the number of episodes of the task, multiplied by the finished fraction of the task.
         """
 
     def tasks(self) -> Iterator[Task]:
-        """Yield a task for each range of missing episodes: consecutive indices, at most `chunk_size`."""
+        """Yield a task for each range of at most `chunk_size` consecutive episodes that are not finished yet."""
         stored = [np.arange(0), *(chunk.episode_indices for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         for episode_indices in _contiguous_runs(missing, self.settings.chunk_size):
@@ -218,7 +216,7 @@ class _PendingCell:
         self.settings.progress(self.policy.label, self.scenario.name, finished / len(self.seeds))
 
     def add(self, chunk: EpisodeChunk) -> None:
-        """Add a `chunk` of finished episodes."""
+        """Add a `chunk`, which is the result of some finished episodes."""
         self.running_episodes.pop(int(chunk.episode_indices[0]), None)
         self.chunks.append(chunk)
 
@@ -233,13 +231,13 @@ class _PendingCell:
         return self.finished_episodes == len(self.seeds)
 
     def finish(self) -> PolicyScenarioResult:
-        """Report the policy and scenario as finished, and return their result."""
+        """Report that the policy has finished the scenario, and return the joined result of all episodes."""
         self.settings.progress(self.policy.label, self.scenario.name, 1.0)
         return join(self.chunks)
 
 
 def _contiguous_runs(indices: NDArray[np.int64], max_length: int) -> Iterator[NDArray[np.int64]]:
-    """Split ascending `indices` into ranges of at most `max_length` consecutive indices."""
+    """Split ascending `indices` of episodes into ranges of at most `max_length` consecutive indices."""
     for stretch in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
         if len(stretch):
             yield from np.array_split(stretch, -(-len(stretch) // max_length))

@@ -15,13 +15,13 @@ from quad_env.config import FALL_REASONS
 from quad_env.robots.similarity import scale_factor
 
 Command = tuple[float, float, float]
-"""Commanded forward velocity, lateral velocity and yaw rate, m/s, m/s, rad/s."""
+"""Command: forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s, heading frame."""
 UNITS = ("m/s", "m/s", "rad/s")
 AXES = ("forward", "to the left", "of yaw rate")
 WALK_TIME = 4.0
 """Duration of a test walk, s."""
 SETTLING_TIME = 2.0
-"""Time at the start of a test walk that does not count, s."""
+"""Time at the start of a test walk that does not enter the mean velocity, s."""
 
 
 @dataclass(frozen=True)
@@ -31,24 +31,24 @@ class Walk:
     command_name: str
     """Name of the command, for example `forward`."""
     command: Floats
-    """Command of forward and lateral velocity and yaw rate, heading frame, (3,), m/s, m/s, rad/s."""
+    """Commanded forward and lateral velocity, m/s, and yaw rate, rad/s, heading frame, (3,)."""
     velocity: Floats
-    """Mean velocity after the settling time, heading frame, (3,), m/s, m/s, rad/s."""
+    """Mean forward and lateral velocity, m/s, and yaw rate, rad/s, after the settling time, heading frame, (3,)."""
     fall: str
     """Name of the fall rule that ended the walk; empty if the robot did not fall."""
     failure: str | None
     """Error with which the policy failed, as text; None if the policy did not fail."""
     errors: Floats
-    """Absolute errors of the mean velocity divided by the tolerances of the success rule, (3,).
+    """Absolute errors of the mean velocities and yaw rate, divided by the tolerances of the success rule, (3,).
 
-    The yaw-rate error is 0 if the robot is commanded to stand.
+    The error of the yaw rate is 0 if the robot is commanded to stand.
     """
 
     @property
     def deviation(self) -> float:
-        """Largest of the relative `errors`; it is at most 1 if the robot follows its command.
+        """Largest component of `errors`, which is at most 1 if the robot follows its command.
 
-        It is infinite after a fall or a failure of the policy.
+        It is infinite if the robot fell or the policy failed.
         """
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
@@ -86,8 +86,9 @@ def run_walks(
 
     Args:
         policy: Policy that controls all robots.
-        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
-        commands: Name -> command for SimpleQuad, m/s, m/s, rad/s. Commands are scaled to the size of the robot.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
+        commands: Name -> command for SimpleQuad: forward and lateral velocity, m/s, and yaw rate, rad/s. The commands
+            are scaled to the size of the robot.
         seeds: Seeds of the episodes, (k,).
         copies: Number of repetitions of all walks, for example one for each policy if several policies are tested
             together.
@@ -125,21 +126,23 @@ def run_walks(
 
 
 def _relative_errors(command: Floats, velocity: Floats, scale: Floats) -> Floats:
-    """Return the absolute errors of mean velocities divided by the tolerances of the success rule.
+    """Return absolute errors of mean velocities and yaw rates, divided by the success rule's tolerances.
 
     Args:
-        command: Commands, (n, 3), m/s, m/s, rad/s.
-        velocity: Mean velocities, (n, 3), m/s, m/s, rad/s.
-        scale: Factors on the tolerances for the size of the robot, (3,).
+        command: Commands, heading frame, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
+        velocity: Mean velocities of the trunk, heading frame, (n, 3): forward and lateral velocity, m/s, and yaw rate,
+            rad/s.
+        scale: Factors on the three tolerances for the size of the robot, (3,).
 
     Returns:
-        Relative errors, (n, 3); the yaw-rate error is 0 for a command to stand.
+        Relative errors, (n, 3); the error of the yaw rate is 0 if the command is to stand.
     """
     planar = np.linalg.norm(command[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
     tolerance = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(command[:, 2:])))
     errors = np.abs(velocity - command) / tolerance
-    errors[:, 2] *= command.any(axis=1)  # zero for a command to stand, because many policies then turn a little
+    # The error of the yaw rate is 0 if the command is to stand, because many policies then turn a little.
+    errors[:, 2] *= command.any(axis=1)
     return errors
 
 

@@ -1,4 +1,7 @@
-"""Executor that runs tasks in worker processes, so that the policies run in parallel as well."""
+"""Executor that runs tasks (subsets of episodes) in parallel worker processes.
+
+Not only the simulation, but also the policies then run in parallel.
+"""
 
 import contextlib
 import multiprocessing
@@ -23,7 +26,7 @@ from quad_env.files.text import format_exception
 from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
-"""Time between two checks for Ctrl-C, and between two progress messages of a worker process, s."""
+"""Period of the checks for Ctrl-C, and of the progress messages of a worker process, s."""
 SHUTDOWN_TIMEOUT = 2.0
 """Time in which all worker processes must end by themselves before they are killed, s."""
 MAX_WORKERS = 30 if sys.platform == "win32" else 1024
@@ -33,9 +36,9 @@ On Windows, a process can wait for at most 63 objects before Python 3.13. Each w
 its process.
 """
 MIN_PARALLEL_STEPS = 100_000
-"""Minimum number of control steps, over all robots, for which starting worker processes saves time.
+"""Minimum number of control steps, summed over all robots, for which starting worker processes saves time.
 
-The number is for the speed of MuJoCo.
+The number is valid for the speed of the simulator MuJoCo.
 """
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 """Environment variable with the number of threads of OpenBLAS, which is set to 1 in worker processes.
@@ -49,10 +52,10 @@ class WorkerDiedError(UsageError):
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Return an executor that runs tasks in worker processes; results do not depend on their number.
+    """Return a function that runs tasks in worker processes; results do not depend on their number.
 
     The workers end when the process that started them ends for any reason or raises an exception. The processes use no
-    threads and no locks, so a process never waits for a process that has died.
+    threads and no locks, so that a process never waits for a process that has died.
 
     Args:
         count: Maximum number of worker processes.
@@ -60,7 +63,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
             ends.
 
     Returns:
-        The executor. It raises WorkerDiedError if a worker dies, and passes on any exception of a task.
+        The function. It raises WorkerDiedError if a worker dies, and raises any exception of a task again.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
@@ -104,7 +107,7 @@ def _distribute(
 def estimated_steps(task: Task) -> float:
     """Estimate the effort of simulating a `task`, as an equivalent number of control steps in MuJoCo.
 
-    Control steps are counted for all robots; slower simulators count more.
+    The control steps of all robots are added. A control step of a slower simulator counts as several steps.
     """
     return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
@@ -129,10 +132,10 @@ class _Worker:
             raise self._death() from None
 
     def receive(self) -> Any:
-        """Return the next message of the worker process.
+        """Return the next message of the worker process; raise WorkerDiedError if the process has died.
 
-        The first message after the start is None. The messages during a task are finished fractions; the last one is
-        the result of the task or its exception. WorkerDiedError is raised if the process has died.
+        The first message after the start is None. The messages during a task are its finished fractions, below 1. The
+        last message of a task is its result or its exception.
         """
         try:
             if self.pipe.poll():
@@ -169,7 +172,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
         try:
             with _worker_environment():
                 for _ in range(count):
-                    started.append(_Worker(context))  # noqa: PERF401, those started are ended if the next one fails
+                    started.append(_Worker(context))  # noqa: PERF401, because `_end` needs them if one fails
         except OSError as error:
             raise WorkerDiedError(f"a worker process cannot be started ({error.strerror or error})") from error
         yield list(started)
@@ -211,7 +214,7 @@ def _worker_environment() -> Iterator[None]:
 def _check_extensions() -> None:
     """Raise UsageError if an extension registered in this process cannot be sent to a worker process.
 
-    Sending needs an object that can be pickled.
+    An extension is sent as a pickle, so that all of its objects must support pickling.
     """
     try:
         pickle.dumps(added_extensions())
@@ -238,7 +241,7 @@ def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
 
 
 def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
-    """Simulate a task, and send its progress to the parent process every POLL_PERIOD.
+    """Simulate a task, and send its finished fraction to the parent process every POLL_PERIOD.
 
     Args:
         task: Task to simulate.

@@ -1,9 +1,9 @@
-"""Disturbance axes: each is a series of scenarios with one disturbance of increasing strength (severity).
+"""Disturbance axes: each is a series of scenarios with one disturbance of increasing severity.
 
-The severity has a physical unit, such as N·s for pushes. The levels of an axis are numbered severities from harmless to
-hard, chosen for SimpleQuad. At the last level every shipped policy that walks falls in four of five episodes. On some
-axes the last level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no
-robot falls.
+The severity is the strength of the disturbance, in a physical unit, such as N·s for pushes. The levels of an axis are
+numbered severities from harmless to hard, chosen for SimpleQuad. At the last level every shipped policy that walks
+falls in four of five episodes. On some axes the last level exceeds a physical limit instead, which the docstring of the
+axis states. On the axis `slow` no robot falls.
 """
 
 import math
@@ -156,7 +156,7 @@ when_added(extension_axes.cache_clear)
 
 
 def known_axis(name: str) -> Axis | None:
-    """Return the disturbance axis `name`, built-in or of an extension, for SimpleQuad; None if there is none."""
+    """Return the disturbance axis `name` for SimpleQuad, built-in or of an extension; None if unknown."""
     return AXES[name] if name in AXES else extension_axes().get(name)
 
 

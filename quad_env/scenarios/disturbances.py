@@ -1,4 +1,4 @@
-"""Settings of the disturbances of an episode (pushes, payload, latency, ...); a `Scenario` combines them."""
+"""Settings of the disturbances of an episode, such as pushes or latency; a `Scenario` combines them."""
 
 import math
 from dataclasses import dataclass
@@ -92,7 +92,7 @@ class Motors(Settings):
     """
 
     def max_torque(self, robot: Robot) -> float:
-        """Return the torque limit of the joint servos of `robot`, N·m: `torque_limit`, or the robot's rated torque."""
+        """Return the torque limit of the servos of `robot`, N·m: `torque_limit`, or the robot's rated torque."""
         return robot.rated_torque if self.torque_limit is None else self.torque_limit
 
     def largest_torque(self, robot: Robot) -> float:

@@ -94,7 +94,7 @@ class EpisodeSample:
             self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
-        """Draw the velocity command of the next command interval, (3,): forward and lateral m/s, yaw rate rad/s.
+        """Draw the command of the next command interval, (3,): forward and lateral m/s, yaw rate rad/s.
 
         Every call takes four numbers from the random stream, also if it returns a zero command. Later commands
         therefore do not depend on the number of zero commands.

@@ -1,4 +1,4 @@
-"""Reader of a user's terrain: a height file, which is a grey picture (.png) or an array (.npy), and a TOML file.
+"""Reader of a user's terrain: TOML file and height file (grey picture .png or array .npy).
 
 The TOML file contains the name of the height file, the size of the terrain and the start position of the robots.
 """
@@ -130,10 +130,7 @@ def _content(path: Path) -> bytes:
     """Return the bytes of the file at `path`; raise ValueError if the file cannot be read."""
     try:
         return read_bytes(path)
-    except (
-        OSError,
-        ValueError,
-    ) as error:  # ValueError is caught, because it is raised if the path contains a NUL character.
+    except (OSError, ValueError) as error:  # A path with a NUL character raises ValueError.
         raise ValueError(f"cannot read {path} ({getattr(error, 'strerror', None) or error})") from error
 
 
@@ -158,9 +155,8 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
             raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
     elif suffix == ".npy":
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "error"
-            )  # Warnings are errors here, because NumPy repairs damaged headers and only warns about them.
+            # Warnings are errors here, because NumPy repairs damaged headers and only warns about them.
+            warnings.simplefilter("error")
             values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     else:
         raise ValueError("heights are a grey picture (.png) or an array (.npy)")

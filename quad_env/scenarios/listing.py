@@ -1,4 +1,4 @@
-"""Text list of all scenarios, severities and the syntax of scenario names: `python -m quad_env scenarios`."""
+"""List of all scenarios, severities and forms of scenario names: `python -m quad_env scenarios`."""
 
 from dataclasses import dataclass
 

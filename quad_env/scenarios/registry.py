@@ -196,7 +196,7 @@ def is_combination(name: str) -> bool:
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the scenario of a name that combines disturbance axes and severities, such as `payload=15+slope=10`.
+    """Return the scenario of a name with axes and severities, such as `payload=15+slope=10`.
 
     Severities are not scaled to the robot, but commands and all other settings are. A name with one axis gives a
     scenario of this axis. A combination of several axes belongs to no axis.
@@ -226,7 +226,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def scaled_name(name: str, robot: Robot) -> str:
-    """Return the name of the scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
+    """Return the name of a scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
 
     Severities in the name, for example 42 N·s in `push=42`, are scaled and rounded to three digits.
 
@@ -299,9 +299,10 @@ class _AxisSetting:
     """Value of the setting at each level of the axis."""
 
     def is_set(self, default: Any) -> bool:
-        """Return True if the disturbance axis changes this setting from its `default`, the value without disturbances.
+        """Return True if the disturbance axis changes this setting from its `default`.
 
-        The values at all levels are tested too, because the value at one severity may happen to equal the default.
+        The default is the value of the setting, if there are no disturbances. The values at all levels are tested too,
+        because the value at one severity may happen to equal the default.
         """
         return any(value != default for value in (self.value, *self.level_values))
 

@@ -1,4 +1,4 @@
-"""Scenario: terrain, disturbances, commands and initial state of an episode, with scaling to another robot."""
+"""Scenario: terrain, disturbances, commands and start of an episode, with scaling to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -84,12 +84,12 @@ def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
-    """Return `scenario` with a failed height scan (every point reads -2 m) and the name suffix `+scan_lost`."""
+    """Return `scenario` with a failed height scan (all points read -2 m) and the suffix `+scan_lost`."""
     return _with_settings(scenario, scan_lost=True)
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return `scenario` with the `settings`, field name -> new value, and with the name suffixes that match them.
+    """Return `scenario` with new `settings`, field name -> value, and with the matching name suffixes.
 
     If no field changes, the scenario is returned unchanged.
     """
@@ -141,7 +141,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
-    """Scale the torque limit of SimpleQuad's motors to `robot`; the scaled limit is at most its rated torque."""
+    """Scale the torque limit of SimpleQuad's motors to `robot`, to at most the robot's rated torque."""
     if motors.torque_limit is None:
         return motors
     torque_limit = scale_factor(robot, "N·m") * motors.torque_limit
@@ -163,7 +163,7 @@ def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
 
 
 def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
-    """Multiply the lengths of the randomisation, displacements of the centre of mass, by `factor`; None stays None."""
+    """Multiply the range of the centre of mass (displacements, m) by `factor`; None stays None."""
     if randomisation is None:
         return None
     forward, left, up = randomisation.centre_of_mass

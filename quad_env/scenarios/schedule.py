@@ -13,7 +13,7 @@ from quad_env.seeding import assign_seeds, fresh_seeds
 
 
 class EpisodeSchedule:
-    """Schedule of the episodes of n robots; it starts episodes and supplies the commands and pushes of each step.
+    """Schedule of the episodes of n robots: starts episodes and supplies commands and pushes of each step.
 
     Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of this sequence in order,
     independent of the other robots.

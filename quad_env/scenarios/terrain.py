@@ -1,4 +1,4 @@
-"""Terrains: their settings, the ground height at a point, and the height of a ball (foot) on the ground."""
+"""Terrains: settings, ground height at a point, and height of a ball (foot) that rests on the ground."""
 
 import math
 import sys
@@ -118,7 +118,7 @@ class Stairs(Settings):
             raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height at a point; on a riser it is the height of the tread (top) of the same step.
+        """Return the ground height at a point; on a riser it is the height of the tread of the same step.
 
         Args:
             x: X coordinate of the point, world frame, m.
@@ -201,7 +201,7 @@ class SmoothRandom(Settings):
 
     @property
     def heights(self) -> Heights:
-        """Heights of all grid points of the field, an array of shape (points, points) with offset and factor in m.
+        """Heights of all grid points of the field: a normalized array, (points, points), with its scale in m.
 
         Fields that differ only in `peak_to_valley` share one array of normalized heights in memory.
         """
@@ -291,9 +291,8 @@ class HeightField(Settings):
             terrain = cls(heights_path, height_file.sha256_of(heights_path), size, height, start)
         except ValueError as error:
             raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.EXAMPLE_LINES}")) from None
-        height_file.read(
-            heights_path, terrain.sha256, height
-        )  # The heights are read here, because a file with invalid heights must raise ValueError here.
+        # The heights are read once here, because a file with invalid heights must raise ValueError when it is loaded.
+        height_file.read(heights_path, terrain.sha256, height)
         return terrain
 
     @property
@@ -303,16 +302,16 @@ class HeightField(Settings):
 
     @property
     def spawn_radius(self) -> float:
-        """Half of the side of the square in which the robots' start position is drawn, m; 0 if `start` is given.
+        """Half of the side of the square in which the robots' start position is drawn, m.
 
-        The square is in the middle of the field. If `start` is None, the value is half of the distance from the middle
-        of the field to its nearest edge.
+        The square is in the middle of the field. The value is 0 if `start` is given. If `start` is None, the value is
+        half of the distance from the middle of the field to its nearest edge.
         """
         return min(self.half) / 2 if self.start is None else 0.0
 
     @property
     def heights(self) -> Heights:
-        """Heights of all grid points, read from the file; ValueError is raised if it is missing or has changed."""
+        """Heights of all grid points, read from the file; raises ValueError if it is missing or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
