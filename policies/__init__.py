@@ -1,4 +1,4 @@
-"""Controllers (policies) of quadruped robots, which compute joint targets from observations with NumPy.
+"""Controllers (policies) of quadruped robots; they compute joint targets from observations.
 
 A policy controls a batch of n robots. Make the policy for an environment, and call it at every control step:
 

@@ -112,7 +112,7 @@ They are split because OpenBLAS would distribute a larger product over threads, 
 
 @dataclass(frozen=True)
 class Network:
-    """Multilayer perceptron with the exponential linear unit (ELU) as activation function between the layers.
+    """Multilayer perceptron with the exponential linear unit (ELU) as activation function.
 
     A call of the object, `network(inputs)`, computes the outputs. `policies.load` makes a network from a policy bundle.
     The training makes a network from the actor that it optimises.

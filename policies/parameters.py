@@ -1,4 +1,4 @@
-"""Parameters of policies: dataclasses of numbers with limits, and JSON files in which they are stored."""
+"""Parameters of policies: dataclasses of numbers with limits, and the JSON files that store them."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -14,12 +14,14 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
+"""Type of a range of numbers: (smallest, largest)."""
 STRIDE_FREQUENCY_EXPONENT = -0.14
-"""Exponent of the body mass in the formula for the stride frequency at which animals change from trot to gallop.
+"""Exponent of the body mass in the stride frequency at which animals change from trot to gallop.
 
-`scaled_ranges` scales the range of searched gait frequencies with it. The frequency is 4.48 Hz for 1 kg (N. C. Heglund,
-C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size, 1974), and therefore 3.1 Hz for 14 kg.
-Legs that are short for the mass, as on go1, do not step faster."""
+The frequency is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to
+animal size, 1974), and therefore 3.1 Hz for 14 kg. `scaled_ranges` scales the search range of the gait frequency with
+this law, and not with the leg length. A robot with legs that are short for its mass, such as go1, need not step
+faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
@@ -32,23 +34,24 @@ def parameter(default: N, *, limits: Range, search: Range | None = None, unit: s
         default: Default value of the field.
         limits: Smallest and largest value that is accepted.
         search: Lower and upper bound in a parameter search; None if no search changes the field.
-        unit: Unit of `quad_env.robots.similarity` if the value scales with the size of the robot.
+        unit: Unit of the number, one of the units in `quad_env.robots.similarity`. It determines how the number is
+            scaled to a robot of another size. Empty for a dimensionless number.
 
     Returns:
-        The dataclass field, with limits, search range and unit as metadata.
+        Dataclass field with the keys `limits`, `search` and `unit` in its metadata.
     """
     return field(default=default, metadata={"limits": limits, "search": search, "unit": unit})
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
-    """Return the limits of the parameters in a dataclass `kind`: field name -> (smallest, largest value)."""
+    """Return the limits of the parameters in a dataclass `kind`: field name -> (smallest, largest)."""
     return {entry.name: entry.metadata["limits"] for entry in fields(kind) if entry.metadata}
 
 
 def search_ranges_of(kind: Any) -> dict[str, Range]:
-    """Return the search ranges of the parameters in a dataclass `kind`: field name -> (lower, upper bound).
+    """Return the search ranges of a dataclass `kind` of parameters: field name -> (lower, upper bound).
 
-    Fields without a search range are left out.
+    Fields that have no search range are left out.
     """
     metadata = {entry.name: entry.metadata for entry in fields(kind)}
     return {name: values["search"] for name, values in metadata.items() if values and values["search"]}
@@ -56,10 +59,10 @@ def search_ranges_of(kind: Any) -> dict[str, Range]:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Base class of the parameters of a policy: numbers, each with limits.
+    """Base class of the parameters of a policy: a dataclass of numbers, each with limits.
 
-    The constructor raises ValueError if a number is outside of its limits. The limits are far wider than the useful
-    values. They guarantee that every action of the policy is finite.
+    The constructor raises ValueError if a number is outside of its limits. The limits are far wider than the range of
+    useful numbers. They guarantee that every action of the policy is finite.
     """
 
     def __post_init__(self) -> None:
@@ -70,7 +73,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class CommandMap(Parameters):
-    """Linear map from a velocity command to the gait input at which the robot moves at that velocity.
+    """Linear map from a velocity command to the gait input with which the robot moves at this velocity.
 
     The map compensates systematic velocity errors of an open-loop gait, see `map_command`.
     """
@@ -80,8 +83,8 @@ class CommandMap(Parameters):
     forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
     """Offset that is added to the forward velocity input of the gait, m/s.
 
-    The offset compensates the forward drift of a gait in place. The drift occurs because all knees bend the same
-    way."""
+    The offset compensates the forward drift of a robot that steps in place. The robot drifts because all its knees bend
+    in the same direction."""
     lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Lateral velocity input of the gait per commanded lateral velocity, dimensionless."""
     yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))
@@ -103,7 +106,7 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
         Parameters of the policy for `robot`.
 
     Raises:
-        PolicyError: The scaled parameters exceed their limits.
+        PolicyError: A scaled parameter is outside of its limits.
     """
     units = {entry.name: entry.metadata["unit"] for entry in fields(parameters)}
     scaled = {name: similarity.scale_to_robot(robot, getattr(parameters, name), unit) for name, unit in units.items()}
@@ -116,15 +119,15 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
 def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
     """Scale the search ranges of policy parameters from SimpleQuad to another robot by dynamic similarity.
 
-    The gait frequency is also scaled with the mass of the robot, see `STRIDE_FREQUENCY_EXPONENT`.
+    The range of the gait frequency is scaled with the mass of the robot instead, see `STRIDE_FREQUENCY_EXPONENT`.
 
     Args:
-        ranges: Field name -> (lower, upper bound) for SimpleQuad.
-        kind: Class of the parameters, which has the units of the fields.
+        ranges: Parameter name -> (lower, upper) bound for SimpleQuad.
+        kind: Class of the parameters, which defines their units.
         robot: Robot to which the ranges are scaled.
 
     Returns:
-        Field name -> (lower, upper bound) for `robot`.
+        Parameter name -> (lower, upper) bound for `robot`.
     """
     units = {entry.name: entry.metadata["unit"] for entry in fields(kind)}
     ends = {
@@ -146,7 +149,7 @@ def from_json(kind: type[P], values: Any) -> P:
         values: JSON object with exactly one number for each field of the class.
 
     Returns:
-        The parameters.
+        Parameters of the class `kind`.
 
     Raises:
         ValueError: A field is missing, unknown, not a number or out of range.
@@ -166,7 +169,7 @@ def from_json(kind: type[P], values: Any) -> P:
 
 
 def is_number(value: Any) -> bool:
-    """Return True if a JSON value is a finite number that a float can represent."""
+    """Return True if a JSON `value` is a finite number that a float can represent."""
     # math.isfinite is not used, because it raises OverflowError for integers that are too large for a float.
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
@@ -176,12 +179,12 @@ def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") ->
 
     Args:
         path: JSON file to read.
-        decode: Function that converts the JSON value to parameters.
-        search: Words after `python -m train search` in the command that writes the file. The error message shows this
-            command. Empty if no command writes the file.
+        decode: Function that converts the JSON value of the file to parameters.
+        search: Arguments of the command `python -m train search` that writes the file, for example `trot`. The error
+            message shows this command. Empty if no command writes the file.
 
     Returns:
-        The parameters.
+        Result of `decode`.
 
     Raises:
         PolicyError: The file is missing or damaged.
@@ -195,14 +198,18 @@ def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") ->
 
 @dataclass(frozen=True)
 class ParameterFile(Generic[P]):
-    """JSON file with the parameters of a policy, which a parameter search writes."""
+    """JSON file with the parameters of a policy, with a separate file for each searched robot."""
 
     path: Path
-    """Path of the file with the parameters for the robot SimpleQuad. Files for other robots have the same name."""
+    """Path of the file with the parameters for SimpleQuad.
+
+    Files for other robots have the same name and are in their models folders, see `load_for_robot`."""
     kind: type[P]
     """Class of the parameters in the file."""
     search: str = ""
-    """Words after `python -m train search` in the command that writes the file; empty if no command writes it."""
+    """Arguments of the command `python -m train search` that writes the file, for example `trot`.
+
+    Empty if no command writes the file."""
 
     def read(self, path: Path) -> P:
         """Read the parameters from the file `path`, which need not be the file of this object.
@@ -212,11 +219,11 @@ class ParameterFile(Generic[P]):
         return read_parameters(path, lambda values: from_json(self.kind, values), self.search)
 
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
-        """Load the parameters of the policy for a robot. Raises PolicyError if the file is damaged.
+        """Load the parameters of the policy for a `robot`. Raises PolicyError if the file is damaged.
 
-        The file has the name of `path` and is in the models folder of the robot. For a robot with fixed servo gains, a
-        file in the subfolder `soft_servos` has priority. If there is no file, the parameters of SimpleQuad are scaled
-        to the robot by dynamic similarity.
+        The file has the name of `path` and is in the models folder of the robot, see `models_folder`. For a robot with
+        fixed servo gains (`Robot.servo_fixed`), a file in the subfolder `soft_servos` has priority. If the robot has no
+        file, the parameters of SimpleQuad are scaled to the robot by dynamic similarity.
         """
         file = models_folder(robot) / self.path.name
         soft_servo_file = file.parent / "soft_servos" / file.name

@@ -1,4 +1,4 @@
-"""Several policies combined into one policy: each controls a part of the robots of a batch."""
+"""Several policies combined into one policy; each of them controls some robots of a batch."""
 
 from collections.abc import Sequence
 
@@ -12,24 +12,26 @@ from quad_env.sensing.height_scan import table_with
 FALLEN_GRAVITY = -0.2
 """z component of the unit gravity vector in the base frame above which a robot counts as fallen.
 
-The value is -1 for an upright robot. The limit corresponds to a tilt of 78°."""
+The component is -1 for an upright robot. The limit corresponds to a tilt of the trunk of 78°."""
 
 
 class PolicyStack(Policy):
-    """Several policies, the members, combined into one: each controls an equal number of robots of the batch.
+    """Several policies (members) combined into one policy; each member controls equally many robots.
 
-    A row of the observation belongs to one robot. The rows form equal blocks, for example one block per scenario. Each
-    block is divided into equal ranges of adjacent rows, one range for each member, in the order of the members. The
-    parameter search and the diagnosis of network policies use this class, because one large batch simulates faster than
-    several small ones.
+    A row of the observation belongs to one robot. The rows form blocks of equal size, for example one block per
+    scenario. In each block, the first rows belong to the first member, the next rows to the second member, and so on.
+    All members have the same number of rows.
+
+    The parameter search and the diagnosis of network policies use this class, because one large batch is simulated
+    faster than several small batches.
 
     Args:
         members: Policies with the same joints, control period and height scan.
-        blocks: Number of equal blocks of rows.
-        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of a network with
-            numeric overflow then fall.
-        idle_when_fallen: True: do not call a member while all its robots have fallen. Their joint targets are then the
-            home pose.
+        blocks: Number of blocks of rows, which have equal size.
+        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. If a network has a numeric
+            overflow, its robots then fall, and the simulation continues.
+        idle_when_fallen: True: do not call a member if all its robots have fallen. The joint targets of these robots
+            are then the home pose.
         robot: Robot of the combined policy; the robot of the first member by default. Pass a robot if the members use
             different servo gains.
     """
@@ -70,7 +72,8 @@ class PolicyStack(Policy):
     def _member_action(self, member: Policy, observation: NDArray[np.float32]) -> Actions | Floats:
         """Return the joint targets of a member for its k robots, (k, 12), rad.
 
-        If the member is not called because all its robots have fallen, the result is the home pose, (12,), rad.
+        `observation`, (k, m), is the observation of these robots. If all of them have fallen and `idle_when_fallen` is
+        True, the result is the home pose, (12,), rad.
         """
         if self._idle_when_fallen and (observation[:, self._gravity_z] > FALLEN_GRAVITY).all():
             return self.robot.home_pose

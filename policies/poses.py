@@ -1,4 +1,4 @@
-"""Policies that hold a fixed pose. A residual policy that learns without a gait uses one of them as its base."""
+"""Policies that hold a fixed pose: `Stand` and `Crouch`."""
 
 from functools import cached_property
 
@@ -28,16 +28,17 @@ class Stand(Policy):
 
 
 class Crouch(Stand):
-    """Policy that holds a low pose with bent knees and with the feet under the thigh joints.
+    """Policy that holds a low pose with bent knees, and with the feet under the thigh joints.
 
-    The pose is low enough that the legs can move the feet outward to all sides. It is the base of end-to-end training.
+    The pose is low enough for the legs to move the feet outward to all sides. The end-to-end training uses this policy
+    as its base policy: the network adds corrections to the low pose.
     """
 
     name = "crouch"
 
     @cached_property
     def pose(self) -> Floats:
-        """Joint angles of the low pose, (12,), rad."""
+        """Joint angles of the low pose with bent knees, (12,), rad."""
         outboard = self.robot.side * self.robot.hip_offset
         joints: Floats = joint_targets(self.robot, 0.0, outboard[None], -CROUCH_HEIGHT * self.robot.leg_length)[0]
         return joints

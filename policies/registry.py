@@ -1,4 +1,4 @@
-"""Makes policies from a name or a path: `make`, `resolve` and the dictionary of all names."""
+"""Registry of policies: functions that make a policy from its name (`make`) or a path (`resolve`)."""
 
 from collections.abc import Callable
 from functools import partial
@@ -26,15 +26,19 @@ from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
-"""Names of the trained policies in the folder `models`. `residual` is listed even if its bundle is missing."""
+"""Names of the trained policies in the folder `models`. It has `residual` even if the policy bundle is missing."""
 SAFE = "safe:"
-"""Prefix of a policy name, as in `safe:trot`: the safety layer then filters the actions of the policy."""
+"""Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
 
 
 def _load_shipped(
     name: str, *, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
 ) -> Policy:
-    """Load the trained policy called `name` for a robot. Raises PolicyError if there is no policy bundle for it."""
+    """Load the trained policy called `name` for a robot.
+
+    `control_period` is the time between two control steps, s. `joint_delay_steps` is the delay of the observed joint
+    angles, control steps. Raises PolicyError if there is no policy bundle for the robot.
+    """
     folder = shipped.models_folder(robot) / name
     if not folder.is_dir():
         raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
@@ -46,9 +50,10 @@ def _load_shipped(
 def _load_bundle(
     folder: str | Path, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
 ) -> Policy:
-    """Load the policy bundle in `folder`.
+    """Load the trained policy in the policy bundle `folder` for a robot and a control period, s.
 
-    Raises PolicyError if the policy was trained for another robot or control period.
+    `joint_delay_steps` is the delay of the observed joint angles, control steps. Raises PolicyError if the policy was
+    trained for another robot or control period.
     """
     policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator)
     if mismatch := policy.mismatch(robot, control_period):
@@ -57,24 +62,27 @@ def _load_bundle(
 
 
 _MPC_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
+"""Name of each policy `mpc_wbc_...` for a gait other than the trot -> function that makes the policy."""
 MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(make_base, base) for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_MPC_GAITS,
     **{name: partial(_load_shipped, name) for name in TRAINED},
 }
-"""Name of each built-in policy -> function that makes it from the keyword arguments `robot` and `control_period`, s."""
-_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
-"""Names of the policies in `MAKERS` that may use a model of the robot.
+"""Name of each built-in policy -> function that makes the policy.
 
-Their factories also accept the keyword arguments `joint_delay_steps` (control steps) and `actuator`."""
+The function accepts the keyword arguments `robot` and `control_period`, s."""
+_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
+"""Names of the built-in policies that may use a dynamics model of the robot.
+
+Their functions in `MAKERS` also accept the keyword arguments `joint_delay_steps` (control steps) and `actuator`."""
 
 
 def names() -> tuple[str, ...]:
     """Return the sorted names of all policies that `make` can make.
 
-    They are the built-in policies, and the policies of extensions that are installed or were registered by
-    `add_extension`.
+    They are the built-in policies, the policies of installed extension packages, and the policies that were registered
+    by `add_extension`.
     """
     return tuple(sorted((*MAKERS, *check_new("policies", MAKERS))))
 
@@ -85,7 +93,7 @@ def is_missing(name: str, robot: Robot) -> bool:
 
 
 def summary(name: str) -> str:
-    """Return a summary of the policy `name` in one line. Raises PolicyError if no policy has this name."""
+    """Return a one-line summary of the policy `name`. Raises PolicyError if no policy has this name."""
     _check_name(name)
     if name not in MAKERS:
         return "a policy of an installed extension"
@@ -103,16 +111,16 @@ def make(
 ) -> Policy:
     """Make a new policy from its name.
 
-    PolicyError is raised for an unknown name, and for a trained policy that is missing or was trained for another robot
-    or control period.
+    PolicyError is raised for an unknown name. It is also raised for a trained policy that is missing, or that was
+    trained for another robot or control period.
 
     Args:
-        name: One of `names()`, or `safe:NAME` for the policy NAME with its actions filtered by the safety layer.
-        robot: Robot: the attribute `robot` of the environment, or a name in `quad_env.ROBOTS`.
-        control_period: Time between two control steps, the attribute `dt` of the environment, s.
+        name: One of `names()`, or `safe:NAME` for the policy NAME inside the safety layer `Safe`.
+        robot: Robot that the policy controls: `env.unwrapped.robot` of the environment, or a name in `quad_env.ROBOTS`.
+        control_period: Time between two control steps, s: `env.unwrapped.dt` of the environment.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
         sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
-        **options: Further keyword arguments of the factory of the policy, for example `parameters`.
+        **options: Further keyword arguments for the constructor of the policy, for example `parameters`.
 
     Returns:
         The policy. It controls one robot until `reset` sets another number.
@@ -131,23 +139,23 @@ def resolve(
     trust: bool = False,
     **options: Any,
 ) -> Policy:
-    """Make a new policy from its name, from a policy bundle, or from a file of another project.
+    """Make a new policy from its name, from a policy bundle, or from a file that a user provides.
 
     Args:
-        name_or_path: A policy name as in `make`, the folder of a policy bundle or a training run, or the reference of
-            an `ExternalPolicy`, for example `my_file.py:MyPolicy`.
-        robot: As in `make`.
-        control_period: As in `make`, s.
-        actuator: As in `make`.
-        sensors: As in `make`.
+        name_or_path: Name of a policy, path of a policy bundle or a training run, or reference of an `ExternalPolicy`,
+            for example `my_file.py:MyPolicy`. The prefix `safe:` puts the policy into the safety layer.
+        robot: Robot that the policy controls, or its name.
+        control_period: Time between two control steps, s.
+        actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
+        sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
         trust: True: also load files of types that can contain hidden code.
-        **options: As in `make`.
+        **options: Further keyword arguments for the constructor of the policy, for example `parameters`.
 
     Returns:
         The policy. It controls one robot until `reset` sets another number.
 
     Raises:
-        PolicyError: There is no policy with that name or path, or it cannot be loaded.
+        PolicyError: There is no policy with this name or path, or the policy cannot be loaded.
     """
     reference = str(name_or_path)
     robot = get_robot(robot)
@@ -181,7 +189,7 @@ def resolve(
 def _make_from_extension(
     name: str, factory: Callable[..., Any], robot: Robot, control_period: float, options: dict[str, Any]
 ) -> Policy:
-    """Make a policy by the function `factory` that an extension provides.
+    """Make the policy `name` by the function `factory`, which an extension package has registered.
 
     Raises PolicyError if the function raises an exception or does not return a `Policy`.
     """
@@ -202,7 +210,10 @@ def _check_name(name: str) -> None:
 
 
 def _unknown_reference(reference: str) -> str:
-    """Return the error message for a reference that is neither a policy name nor a bundle nor an external policy."""
+    """Return the error message for an unknown policy reference.
+
+    The `reference` is neither the name of a policy, nor the folder of a policy bundle, nor an external policy.
+    """
     if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
     if (missing := missing_file_message(reference)) is not None:

@@ -1,4 +1,4 @@
-"""Residual policy: a base policy with a bounded correction by a small network."""
+"""Residual policy: a base policy plus a bounded correction of its joint targets by a small network."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,18 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 NO_HISTORY = Inputs()
-"""Inputs of a residual network without history and clock: only the current observation and the base policy."""
+"""Network inputs that include neither past observations nor a clock.
+
+The network then gets only the current observation and the inputs from the base policy."""
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
-    """Return the authority of a residual policy: the largest correction that its network can add to each joint target.
+    """Return the authority of a residual policy: the largest correction of each joint target.
+
+    The network of the policy adds the correction.
 
     Args:
-        robot: Robot with the joints.
+        robot: Robot with the legs.
         hip: Largest correction of a hip (abduction) joint, rad.
         joint: Largest correction of a thigh or calf joint, rad.
 
@@ -30,21 +34,21 @@ def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
 
 
 class Features(PerRobotState):
-    """Inputs of the network of a residual policy for n robots, scaled to magnitudes of about 1.
+    """Features: network inputs of a residual policy for n robots, scaled to magnitudes of about 1.
 
-    The inputs are, in this order:
+    The features are, in this order:
 
-    - the scaled observation. A height scan is relative to its values in the home pose. It is zero where the ground is
-      not seen, so that a lost scan looks like level ground;
+    - the scaled observation. A height scan in it is relative to the scan of level ground in the home pose. Points that
+      the sensor does not see are 0, so that a lost scan looks like level ground;
     - sine and cosine of the gait phase of the base policy, and its action minus the home pose, if it has a gait clock;
-    - sine and cosine of the clock, if `inputs` has one;
-    - past observations and averages of observations, if `inputs` has any.
+    - sine and cosine of an additional clock, if `inputs` defines one;
+    - past observations and averages of observations, if `inputs` defines any.
 
     The caller must reset the base policy.
 
     Args:
         base: Base policy that the network corrects.
-        inputs: Past observations, averages and clock that are additional inputs.
+        inputs: Past observations, averages and clock that are additional features.
     """
 
     ticks: Floats = per_robot(0.0)
@@ -55,23 +59,25 @@ class Features(PerRobotState):
         self.inputs = inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
-        """Number of values of an observation that precede the height scan. Only these values have a history."""
+        """Number of observation elements before the height scan.
+
+        Only these elements are in the history, because the height scan is large."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
-        """Number of network inputs of a robot."""
+        """Number of network inputs (features) of each robot."""
         super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
-        """Compute the network inputs of a control step. Call the method once per control step.
+        """Compute the features of all robots for one control step. Call the method once per control step.
 
         Args:
             observation: Observation of all robots, (n, k).
             base_action: Action of the base policy for this observation: joint targets, (n, 12), rad.
 
         Returns:
-            Network inputs, (n, `width`).
+            Features, the inputs of the network, (n, `width`).
         """
         self.ticks += 1.0
         scaled = observation * self._table.scale
@@ -90,13 +96,13 @@ class Features(PerRobotState):
 def apply_correction(
     robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions
 ) -> Actions:
-    """Add a bounded correction to the action of a base policy.
+    """Compute the action of a residual policy: base action plus bounded correction.
 
     Args:
         robot: Robot with the joint limits.
         base_action: Action of the base policy: joint targets, (n, 12), rad.
         correction: Correction as a fraction of the authority, (n, 12). The function clips it to [-1, 1].
-        authority: Largest correction of each joint, (12,), rad.
+        authority: Largest correction of each joint target, (12,), rad.
 
     Returns:
         Corrected joint targets, clipped to the joint limits, (n, 12), rad.
@@ -106,7 +112,7 @@ def apply_correction(
 
 
 def _phase_features(phase: Floats) -> NDArray[np.float32]:
-    """Return the sine and the cosine of a `phase`, (n,), rad, as columns, (n, 2)."""
+    """Return the sine and the cosine of a `phase`, (n,), rad, as two columns, (n, 2)."""
     return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
 
 
@@ -116,19 +122,20 @@ def _home(robot: Robot) -> Actions:
 
 
 class ResidualPolicy(Policy):
-    """Residual policy: a base policy plus a bounded correction by a network.
+    """Residual policy: the joint targets of a base policy plus a bounded correction by a network.
 
-    The action is the action of the base policy + authority · network(features). The features, see `Features`, are
-    computed from the observation and the base policy. If the network returns zero, the action is identical, bit for
-    bit, to the action of the base policy.
+    The action is (action of the base policy) + authority · network(features), clipped to the joint limits. `Features`
+    computes the features from the observation and the base policy. If the network returns zero, the action is
+    identical, bit for bit, to the action of the base policy.
 
     Args:
         base: Base policy. Its robot is also the robot of the residual policy.
         network: Network that computes the corrections, as fractions of the authority, from the features.
-        authority: Largest correction of each joint, (12,), rad. None for the result of `authority_of`.
+        authority: Largest correction of each joint target, (12,), rad. None for the result of `authority_of`.
         name: Name of the policy.
-        inputs: Past observations, averages and clock that are additional inputs of the network.
-        hold: Number of control steps for which each correction is used. The base policy acts in every control step.
+        inputs: Past observations, averages and clock that are additional features.
+        hold: Number of control steps for which each correction is used; then the network computes a new correction. The
+            base policy acts in every control step.
 
     Raises:
         ValueError: The input width of the network is not the number of features, or its output width is not the number
@@ -171,7 +178,7 @@ class ResidualPolicy(Policy):
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Reset the residual policy and its base policy for `num_envs` robots; `seed` is passed on to both."""
+        """Reset this policy and its base policy for `num_envs` robots; both get the same `seed`."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 

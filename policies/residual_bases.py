@@ -1,4 +1,7 @@
-"""Base policies of residual policies; its name and its parameters define a base policy completely."""
+"""Base policies of residual policies, and their storage as JSON.
+
+The name of a base policy, its parameters and, if it uses one, its height scan define the base policy completely.
+"""
 
 import hashlib
 import json
@@ -28,12 +31,13 @@ from quad_env.sensing.height_scan import HeightScan
 
 
 class BaseSpec(NamedTuple):
-    """Specification of a base policy: the function that makes it, and the class of its parameters."""
+    """Specification of a base policy: function that makes the policy, and class of its parameters."""
 
     make: Callable[..., Policy]
-    """Function that makes the policy from the keyword arguments `robot`, `control_period` and `parameters`.
+    """Function that makes the policy from the keyword arguments `robot`, `control_period` (s) and `parameters`.
 
-    Only policies with parameters accept `parameters`; by default those that ship with the project."""
+    The function has the argument `parameters` only if the policy has parameters. The default of this argument is the
+    parameters that ship with the project."""
     parameters: type[Parameters] | None = None
     """Class of the parameters of the base policy; None if the policy has no parameters."""
 
@@ -46,9 +50,9 @@ class BaseSpec(NamedTuple):
 
     @property
     def is_model_based(self) -> bool:
-        """True if the base policy uses a model of the robot.
+        """True if the base policy uses a dynamics model of the robot.
 
-        Its factory then also accepts `joint_delay_steps` (control steps) and `actuator`.
+        `make` then also accepts the keyword arguments `joint_delay_steps` (control steps) and `actuator`.
         """
         return issubclass(self.kind, ModelBased)
 
@@ -71,18 +75,18 @@ BASES: dict[str, BaseSpec] = {
     "trot_reference": BaseSpec(TrotReference, ReferenceParameters),
     "walk": BaseSpec(partial(Gaits, "walk"), GaitParameters),
 }
-"""Name of each base policy -> specification with its factory and its class of parameters."""
+"""Name of each base policy -> its specification: function that makes the policy, and class of its parameters."""
 
 
 def base_to_json(policy: Policy) -> dict[str, Any]:
-    """Convert a base policy to JSON values, which are stored in the description of a residual policy.
+    """Convert a base policy to JSON values, which are stored in the `policy.json` of a residual policy.
 
     Args:
-        policy: Base policy.
+        policy: Base policy to convert.
 
     Returns:
-        Dictionary with the keys `name`, `parameters`, `sha256` (of the parameters) and, if the policy uses a height
-        scan, `height_scan`.
+        Dictionary with the keys `name`, `parameters`, `sha256` (SHA-256 of the parameters) and, if the policy uses a
+        height scan, `height_scan`.
 
     Raises:
         ValueError: The policy is not one of the base policies in `BASES`.
@@ -146,7 +150,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
         base: Specification of the base policy, see `BASES`.
         height_scan: Height scan that the environment observes. Only mpc_wbc_sighted uses it; the other policies accept
             an observation with it and ignore it.
-        **arguments: Keyword arguments of the factory in `base`.
+        **arguments: Keyword arguments of the function `base.make`, for example `robot` and `control_period`.
 
     Returns:
         The base policy.
@@ -159,9 +163,9 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
 
 
 def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Convert the JSON parameters of a base policy to keyword arguments of its factory.
+    """Convert the JSON parameters of a base policy to keyword arguments of `base.make`.
 
-    Raises ValueError if the parameters are not valid.
+    The result is empty if the policy has no parameters. Raises ValueError if the parameters are not valid.
     """
     if base.parameters is None:
         if parameters:
@@ -178,5 +182,5 @@ def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
 
 
 def _digest(parameters: dict[str, Any]) -> str:
-    """Return the SHA-256 of the JSON text of policy parameters, in hexadecimal digits."""
+    """Return the SHA-256 of the JSON text of policy `parameters` (name -> number), as hexadecimal digits."""
     return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Folders with the trained policies of each robot, and with searched parameters for robots other than SimpleQuad."""
+"""Folders that ship with the project: trained policies, and searched parameters for several robots."""
 
 from pathlib import Path
 
@@ -8,13 +8,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """Path of the folder `models`, which ships with the project.
 
-It has a subfolder for each trained policy of SimpleQuad, and a subfolder for each other built-in robot."""
+It has a subfolder for each trained policy of SimpleQuad. It also has a subfolder for each other built-in robot, with
+the trained policies and the searched parameters of this robot."""
 
 
 def models_folder(robot: Robot) -> Path:
-    """Return the path of the models folder of a robot: its trained policies and searched parameters.
+    """Return the path of the folder with the trained policies and searched parameters of a `robot`.
 
-    For a robot of a user, the folder has the name of the robot and is next to the file of the robot.
+    For a robot that a user has defined, the folder has the name of the robot, and is next to the file of the robot.
     """
     if robot == SIMPLE_QUAD:
         return MODELS

@@ -1,4 +1,4 @@
-"""One-line summaries of the shipped policies, for `python -m quad_env policies` and docs/policies.md."""
+"""One-line summaries of the policies that ship with the project, for listings and documentation."""
 
 from collections.abc import Iterable
 
@@ -31,12 +31,14 @@ SUMMARIES = {
     "robust": "residual with six times as many training steps",
     "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
 }
-"""Name of every policy that ships with the project -> its summary in one line, in the order of listings."""
+"""Name of every policy that ships with the project -> its summary in one line.
+
+`python -m quad_env policies` and docs/policies.md list the policies in this order."""
 
 
 def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Return the summaries of shipped policies, as a dictionary policy name -> summary.
+    """Return the one-line summaries of policies that ship with the project: policy name -> summary.
 
-    The order is the order of `names`. Names of policies that do not ship with the project are left out.
+    The dictionary has the order of `names`. Names of policies that do not ship with the project are left out.
     """
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}
