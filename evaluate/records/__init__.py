@@ -1,1 +1,1 @@
-"""Results folders: manifest of a run's inputs, provenance of the results, and tables of the episodes."""
+"""Files in a results folder of an evaluation: manifest with all inputs, and table of the episodes."""

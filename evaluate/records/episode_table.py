@@ -1,6 +1,7 @@
-"""episodes.parquet: a table with one row per episode, from which results are restored bit for bit.
+"""The file episodes.parquet of an evaluation: a table with one row per measured episode.
 
-The columns are policy, scenario, severity, episode, seed and the fields of `Measures`.
+The columns are policy, scenario, severity, episode, seed and the fields of `Measures`. The results of the evaluation
+are restored from this table bit for bit.
 """
 
 from collections.abc import Sequence
@@ -18,29 +19,41 @@ from evaluate.records import parquet
 from quad_env.scenarios.registry import Scenario
 
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
-"""Names of the columns that precede the other measures in the table."""
+"""Names of the first measure columns in episodes.parquet; the columns of all other measures follow."""
 REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
-"""Names of the columns that identify an episode and its outcome; a file that lacks one cannot be read."""
+"""Names of the columns that episodes.parquet must have: they identify an episode and its outcome.
+
+A file that lacks one of these columns cannot be read.
+"""
 RUN = b"run"
-"""Metadata key of the table for the fingerprint of the run: a hash of all inputs of the run."""
+"""Metadata key in episodes.parquet for the fingerprint of the evaluation (hash of all of its inputs)."""
 _WIDTH = b"width"
-"""Metadata key of a column for the length of the vectors in its lists, for example 3 for commands."""
+"""Metadata key of a column with lists of vectors in each row; the value is the length of a vector.
+
+For example, it is 3 for the velocity commands of an episode.
+"""
 _EXTRA = b"extension"
-"""Metadata key of a column that marks it as a measure that an extension has registered."""
+"""Metadata key that marks a column of episodes.parquet as a measure registered by a user's extension."""
 _MISSING = b"missing"
-"""Metadata key of a column that marks it as a measure that the file lacks, filled with null."""
+"""Metadata key that marks a column as a measure that the file lacks; the column was filled with null."""
 
 
 @dataclass(frozen=True)
 class _ListColumn:
-    """Layout of a column with a list in each row, for a measure with several values per episode."""
+    """Layout of a column of episodes.parquet for a measure with several values (a list) per episode.
+
+    A column with this layout is made for a measure that the file lacks.
+    """
 
     length: int
-    """Number of entries of each list, if the file has none of the `siblings`."""
+    """Number of entries of the list in each row, if the file has no column in `siblings`."""
     siblings: tuple[str, ...] = ()
-    """Names of other columns with equally long lists, from which the number of entries is taken."""
+    """Names of other columns that have lists of the same length in each row.
+
+    The number of entries of a missing list is read from the first of these columns that the file has.
+    """
     width: int = 0
-    """Length of each list entry if the entries are vectors; 0 if the entries are numbers."""
+    """Number of components of each entry if the entries of the lists are vectors; 0 if they are numbers."""
 
 
 _LIST_COLUMNS = {
@@ -55,17 +68,19 @@ _TEXT_COLUMNS = {"cause", "cause_detail"}
 
 
 def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:
-    """Convert the result of one policy on one scenario to table rows, with null in place of NaN.
+    """Convert the result of one policy on one scenario to rows of the table episodes.parquet.
 
-    Measures with several values per episode become lists. The vectors in `commands` and `mean_velocities` are forward
-    velocity, lateral velocity and yaw rate, m/s, m/s, rad/s.
+    NaN becomes null. A measure with several values per episode becomes a column with a list in each row. The vectors in
+    `commands` and `mean_velocities` are forward velocity, lateral velocity and yaw rate, heading frame, m/s, m/s,
+    rad/s.
 
     Args:
-        cell: Result with all or some episodes of the policy on the scenario.
-        episodes: Indices of the episodes among all episodes of the policy on the scenario, (n,); by default 0 … n - 1.
+        cell: Measures of n episodes: all or some of the episodes of the policy on the scenario.
+        episodes: Index of each of the n episodes among all episodes of the policy on the scenario, (n,). None for
+            0 … n − 1.
 
     Returns:
-        A table with one row for each episode.
+        A table with n rows, one for each episode.
     """
     values = {name: getattr(cell.measures, name) for name in MEASURE_NAMES}
     values["fall_reason"] = cell.fall_reason
@@ -89,14 +104,14 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
 
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
-    """Convert the table rows of one policy on one scenario back to a result.
+    """Convert rows of episodes.parquet back to the result of one policy on one scenario.
 
     Args:
-        rows: Rows of the episodes, with a column for every measure.
-        scenario: Scenario of all rows.
+        rows: Rows of the episodes of this policy on this scenario, with a column for every measure.
+        scenario: Scenario of these episodes.
 
     Returns:
-        The result of the policy on the scenario.
+        The result of the policy on the scenario, bit-identical to the result that was converted to rows.
 
     Raises:
         ValueError: The lists of a column do not all have the same length.
@@ -117,12 +132,19 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
 
 
 def extra_columns(rows: pa.Table) -> list[str]:
-    """Return the names of the columns of `rows` that are measures of extensions."""
+    """Return the names of the columns of the table `rows` that are measures of a user's extensions."""
     return [field.name for field in rows.schema if _EXTRA in (field.metadata or {})]
 
 
 def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
-    """Concatenate episode `tables`; the entries are null where a table lacks the measure of an extension."""
+    """Concatenate tables with one row per episode to one table.
+
+    Args:
+        tables: Tables of episodes. Only some of them may have the measures of a user's extensions as columns.
+
+    Returns:
+        One table with all rows. A measure of an extension is null in the rows of a table that lacks it.
+    """
     extra = {name: table.schema.field(name) for table in tables for name in extra_columns(table)}
     if all(name in table.column_names for table in tables for name in extra):
         return pa.concat_tables(tables)
@@ -131,14 +153,14 @@ def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
-    """Add the columns that the table `rows` lacks, filled with null.
+    """Add columns that a table of episodes lacks, filled with null.
 
     Args:
-        rows: Table of episodes.
-        columns: Name of a column -> its type and metadata.
+        rows: Table with one row per episode.
+        columns: Name of a column that must exist -> its type and metadata.
 
     Returns:
-        The table with all columns.
+        The table with every column in `columns`.
     """
     for name, column in columns.items():
         if name not in rows.column_names:
@@ -147,16 +169,16 @@ def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
 
 
 def add_missing_measures(rows: pa.Table) -> pa.Table:
-    """Add the measures that a file from an older version lacks, as columns filled with null.
+    """Add the measures that an episodes.parquet from an older version lacks, as columns filled with null.
 
     Args:
-        rows: Rows of a file.
+        rows: Table as read from the file, one row per episode.
 
     Returns:
-        Rows with a column for every measure.
+        The table with a column for every measure of this version.
 
     Raises:
-        ValueError: A column is missing that identifies an episode or its outcome.
+        ValueError: The file lacks a column in REQUIRED, which identifies an episode or its outcome.
     """
     if absent := sorted(REQUIRED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(absent)}")
@@ -171,21 +193,22 @@ def add_missing_measures(rows: pa.Table) -> pa.Table:
 
 
 def missing_measures(rows: pa.Table) -> list[str]:
-    """Return the names of the measures in `rows` that `add_missing_measures` has added."""
+    """Return the names of the columns in the table `rows` that `add_missing_measures` has added."""
     return [field.name for field in rows.schema if _MISSING in (field.metadata or {})]
 
 
 def _null_column(rows: pa.Table, name: str) -> pa.Array:
-    """Make a column filled with null for a measure that a file lacks.
+    """Make a column filled with null for a measure that an episodes.parquet lacks.
 
-    The lists of a list column get the lengths of the lists in its sibling columns.
+    A measure with several values per episode gets lists of null. Their lengths are read from another column of the file
+    that has lists of the same lengths.
 
     Args:
-        rows: Rows of the file.
-        name: Name of the measure.
+        rows: Table as read from the file, one row per episode.
+        name: Name of the measure, a field of `Measures`.
 
     Returns:
-        The column.
+        The column, with one entry per episode.
     """
     if name in _TEXT_COLUMNS:
         return pa.nulls(rows.num_rows, pa.string())
@@ -200,39 +223,40 @@ def _null_column(rows: pa.Table, name: str) -> pa.Array:
 
 
 def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = "") -> None:
-    """Write the episodes of all results of a run into one Parquet file.
+    """Write all episodes of an evaluation into one Parquet file, with one row per episode.
 
     Args:
-        cells: Results, one for each pair of policy and scenario, in the order of the run.
-        path: File to write.
-        run: Fingerprint of the run (hash of all inputs), stored in the file.
+        cells: Measured episodes, one result for each policy-scenario pair, in the order of the evaluation.
+        path: File to write, for example episodes.parquet in the results folder.
+        run: Fingerprint of the evaluation (hash of all of its inputs), stored in the file.
     """
     write_table(concatenate([table(cell) for cell in cells]), path, run)
 
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:
-    """Write rows into a Parquet file atomically: after an error, an earlier file is unchanged.
+    """Write a table of episodes into a Parquet file atomically: an error leaves an earlier file unchanged.
 
     Args:
-        rows: Rows of a run.
+        rows: Table with one row per episode of an evaluation.
         path: File to write.
-        run: Fingerprint of the run (hash of all inputs), stored in the file.
+        run: Fingerprint of the evaluation (hash of all of its inputs), stored in the file.
     """
     parquet.write(rows, path, {RUN: run.encode()})
 
 
 def read_table(path: Path, run: str | None = None) -> pa.Table:
-    """Read the rows of a Parquet file of episodes, after a check of its content hash.
+    """Read a table of episodes from a Parquet file, and check its content hash.
 
     Args:
         path: File to read.
-        run: Fingerprint (hash of all inputs) of the run that the file must belong to; None for any run.
+        run: Fingerprint (hash of all inputs) of the evaluation that the file must belong to; None to accept the file of
+            any evaluation.
 
     Returns:
-        The rows as they were written.
+        The table as it was written, one row per episode.
 
     Raises:
-        ValueError: The file is damaged, has been changed, or belongs to another run.
+        ValueError: The file is damaged, has been changed, or belongs to another evaluation.
     """
     rows = parquet.read(path)
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
@@ -241,14 +265,19 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
 
 
 def _to_arrow(values: NDArray[Any]) -> pa.Array:
-    """Convert the `values` of a measure to a column of an Arrow table.
+    """Convert the values of a measure in n episodes to a column of an Arrow table.
 
-    The values are numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m) for n episodes.
+    Args:
+        values: Numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m).
+
+    Returns:
+        The column, with one entry per episode. An array (n, k) becomes lists of k numbers, and an array (n, k, m)
+        becomes lists of k vectors. NaN becomes null.
     """
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
-        return pa.array(values, from_pandas=True)  # NaN becomes null
+        return pa.array(values, from_pandas=True)  # The option converts NaN to null.
     kind = pa.float64()
     for _ in range(values.ndim - 1):
         kind = pa.list_(kind)
@@ -256,9 +285,13 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
 
 
 def _nullable(values: NDArray[Any]) -> Any:
-    """Convert `values` to nested lists with None in place of NaN.
+    """Convert an array of numbers to nested lists with None instead of NaN.
 
-    A vector that consists only of NaN also becomes None.
+    Args:
+        values: Numbers, (k,) or (k, m).
+
+    Returns:
+        List of k numbers, or list of k vectors. A vector that consists only of NaN becomes None.
     """
     if values.ndim > 1:
         return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
@@ -266,7 +299,15 @@ def _nullable(values: NDArray[Any]) -> Any:
 
 
 def _to_numpy(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Convert the column `name` of `rows` back to the array from which `_to_arrow` made it."""
+    """Convert a column of a table of episodes back to the array from which `_to_arrow` made the column.
+
+    Args:
+        rows: Table with one row for each of n episodes.
+        name: Name of the column.
+
+    Returns:
+        Values of the measure, (n,), (n, k) or (n, k, m), with NaN instead of null.
+    """
     column = rows.column(name)
     field = rows.schema.field(name)
     if not pa.types.is_list(field.type):

@@ -1,6 +1,7 @@
-"""manifest.json: all inputs that the results of a run depend on, written when the run starts.
+"""The file manifest.json of an evaluation (run): all inputs on which its results depend.
 
-`--resume` reads the file, and checks that the inputs are still the same.
+The file is written when the run starts. The option `--resume` continues an interrupted run; it reads the file, and
+checks that the inputs are still the same.
 """
 
 import hashlib
@@ -24,74 +25,88 @@ from quad_env.serialisation import from_json_values, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
-"""Names of the files in the results folder of a finished run."""
+"""Names of the files in the results folder of a finished evaluation."""
 CHUNKS = "parts"
-"""Name of the folder with the finished chunks (subsets of episodes) of an unfinished run."""
+"""Name of the subfolder of a results folder with the finished episodes of an unfinished evaluation.
+
+Each file contains a chunk: a subset of the episodes of one policy on one scenario.
+"""
 SCHEMA = 1
-"""Version of the format of manifest.json."""
+"""Version of the format of manifest.json, which is stored under the key `schema`."""
 LAST_COMPATIBLE_REVISION = "revision 02bbde28"
-"""Last revision of this project that can read results of old versions.
+"""Last git revision of this project that can read results of old versions, for an error message.
 
 Old results use the rules success/1 and energy/1 (version 0.2.0 and before), or have no causes of failure.
 """
 _SHA256 = "sha256"
-"""Key in manifest.json of the hash of all its other keys and values."""
+"""Key in manifest.json for the SHA-256 of all other keys and values, which shows a change of the file."""
 _NOT_PROVENANCE = ("options", "date", "fingerprint")
-"""Names of the fields of the manifest that no result depends on."""
+"""Names of the fields of a manifest that have no influence on the results of the evaluation."""
 _NOT_COMPARED = {"git_revision"}
-"""Names of versions that are not compared, because the hash of the code already shows every change."""
-_NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Names of versions that do not enter the fingerprint, because they need not affect the results.
+"""Names of versions that are not compared between two runs.
 
-The command `compare` reports a difference in all of them except the git revision.
+The git revision is not compared because the hash of the code already shows every change of the code.
+"""
+_NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
+"""Names of versions that do not enter the fingerprint (hash of all inputs) of an evaluation.
+
+They are left out because they do not always affect the results. The command `compare` reports a difference in all of
+these versions except the git revision.
 """
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """All inputs of a run, in which every policy runs its scenarios with the same seeds."""
+    """All inputs of an evaluation (run) on which its results depend, as stored in manifest.json."""
 
     policies: Mapping[str, str]
-    """Label of a policy -> hash of its classes, parameters and weights, in the order of the run."""
+    """Label of a policy -> hash of its classes, parameters and network weights, in the order of the run.
+
+    The label is the name or path that the user gave on the command line.
+    """
     scenarios: tuple[Scenario, ...]
+    """Scenarios of the run, in the order in which they are simulated and reported."""
     seed: int
-    """Evaluation seed of the run, from which the seeds of all episodes are derived."""
+    """Evaluation seed that the user chose, from which the seeds of all episodes are derived."""
     episodes: int
     """Number of episodes of each policy on each scenario.
 
-    In a run --until settled, it is the number at the latest interim analysis.
+    In a run with `--until settled`, it is the number at the latest interim analysis.
     """
     steps: int
-    """Maximum number of control steps of an episode."""
+    """Number of control steps after which an episode ends at the latest (its time limit)."""
     versions: Mapping[str, str | None]
-    """Name of a package, rule or library -> its version; None if the version is not known."""
+    """Name of a package, rule or library -> its version in this run; None if the version is not known."""
     code: str
-    """SHA-256 of the code of the packages that the results depend on."""
+    """SHA-256 of the code of this project's packages on which the results depend."""
     cpu: str
-    """Name of the processor, on which the last bits of the results depend."""
+    """Name of the processor of the machine, on which the last bits of the results depend."""
     options: Mapping[str, Any]
-    """Name of a command-line option -> its value; `--resume` reads the options from here."""
+    """Name of a command-line option -> its value when the run started; `--resume` reads these values."""
     threads: int
-    """Number of processes or threads of the simulation; no result depends on it."""
+    """Number of parallel processes or threads of the simulation; it has no influence on the results."""
     hardware: HardwareConfig = IDEAL
     """Names of robot, servo gains, motors, sensors, estimator and simulator."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Label of a policy -> names of the scenarios that it is restricted to.
+    """Label of a policy -> names of the scenarios to which the policy is restricted.
 
     Policies that run on all scenarios are left out.
     """
     limit: int = 0
-    """Maximum number of episodes per policy and scenario of a run --until settled; 0 for other runs."""
+    """Maximum number of episodes of each policy on each scenario in a run with `--until settled`.
+
+    It is 0 for a run with a fixed number of episodes.
+    """
     ended: str = ""
-    """Reason for the end of a run --until settled; empty before its end and for other runs."""
+    """Reason why a run with `--until settled` ended; empty before its end, and for all other runs."""
     date: str = ""
     """Date on which the run started, UTC; empty if it was not recorded."""
     fingerprint: str = ""
-    """Fingerprint: SHA-256 of all inputs that a result depends on, computed at the start of the run."""
+    """Fingerprint of the run: SHA-256 of all inputs on which the results depend, computed at its start."""
 
     @property
     def cells(self) -> list[tuple[Scenario, str]]:
-        """Scenario and policy label of each result of the run, in the order of the run."""
+        """All pairs of a scenario and the label of a policy that runs on it, in the order of the run."""
         return [
             (scenario, policy)
             for scenario in self.scenarios
@@ -101,17 +116,18 @@ class Manifest:
 
     @property
     def is_unsettled(self) -> bool:
-        """True for a run --until settled that has not ended yet."""
+        """True for a run with `--until settled` that will simulate further episodes, because it has not ended."""
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
-        """Return a copy of the manifest in which the field `fingerprint` is computed from the inputs."""
+        """Return a copy of the manifest with its fingerprint, the SHA-256 of all inputs of the run."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def until_settled(self) -> "Manifest":
-        """Return the manifest of the same run as a run --until settled, at its first interim analysis.
+        """Convert the manifest of a run with a fixed number of episodes to a run with `--until settled`.
 
-        The number of episodes of this manifest becomes the maximum number of episodes.
+        The fixed number of episodes becomes the maximum number of episodes. The number of episodes becomes the number
+        at the first interim analysis.
         """
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
@@ -127,7 +143,10 @@ class Manifest:
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """Return all fields except options, date and fingerprint: name -> JSON value."""
+        """Return the inputs on which the results of the run depend: name -> JSON value.
+
+        These are all fields of the manifest except the options, the date and the fingerprint.
+        """
         values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
@@ -147,16 +166,16 @@ def manifest(
     threads: int,
     hardware: HardwareConfig = IDEAL,
 ) -> Manifest:
-    """Make the manifest of a run that starts now on this machine.
+    """Make the manifest (all inputs) of an evaluation that starts now on this machine.
 
     Args:
-        policies: Policies in the order of the run.
-        scenarios: Scenarios in the order of the run.
+        policies: Policies with their labels, in the order of the evaluation.
+        scenarios: Scenarios, in the order of the evaluation.
         options: Name of a command-line option -> its value.
-        seed: Evaluation seed of the run.
+        seed: Evaluation seed that the user chose.
         episodes: Number of episodes of each policy on each scenario.
-        steps: Maximum number of control steps of an episode.
-        threads: Number of processes or threads of the simulation.
+        steps: Number of control steps after which an episode ends at the latest.
+        threads: Number of parallel processes or threads of the simulation.
         hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Returns:
@@ -180,17 +199,17 @@ def manifest(
 
 
 def read(folder: Path) -> Manifest:
-    """Read and check the manifest of a results folder.
+    """Read the file manifest.json (all inputs of an evaluation) in a results folder, and check it.
 
     Args:
-        folder: Results folder.
+        folder: Results folder of the evaluation.
 
     Returns:
         The manifest.
 
     Raises:
-        UsageError: The folder has no manifest of this version, the manifest has been changed, or the robot file of the
-            run is missing.
+        UsageError: The folder has no manifest.json of this version, the file has been changed, or the robot's file is
+            missing.
     """
     path = folder / NAME
     if not path.is_file():
@@ -205,9 +224,18 @@ def read(folder: Path) -> Manifest:
 
 
 def _parse(path: Path) -> Manifest:
-    """Parse the manifest file at `path`.
+    """Parse a file manifest.json, and check its hashes.
 
-    UsageError is raised if the run used other rule versions, or if the file has been changed.
+    Args:
+        path: Path of the file.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        ValueError: The file has another format.
+        UsageError: The evaluation used other versions of the rules for success, energy or causes, or the file has been
+            changed.
     """
     contents = parse_json(read_bytes(path))
     if type(contents["schema"]) is not int or contents["schema"] != SCHEMA:
@@ -226,14 +254,16 @@ def _parse(path: Path) -> Manifest:
 
 
 def _check_robot_file(path: Path, robot: str) -> None:
-    """Check that the robot file of a run exists relative to the current folder.
+    """Check that the robot's file exists, if an evaluation used a robot from a file.
+
+    The path of the file is relative to the folder in which the evaluation was run.
 
     Args:
-        path: Path of the manifest.
-        robot: Name of the robot, or path of its file.
+        path: Path of the file manifest.json.
+        robot: Name of a built-in robot, or path of the file that describes the robot.
 
     Raises:
-        UsageError: The file does not exist; the message names the folder in which to run the command.
+        UsageError: The file does not exist. The message names the folder in which the command must be run.
     """
     if Path(robot).suffix not in SUFFIXES or Path(robot).is_file():
         return
@@ -244,7 +274,7 @@ def _check_robot_file(path: Path, robot: str) -> None:
 
 
 def _is_changed(contents: dict[str, Any]) -> bool:
-    """Return True if the JSON `contents` of manifest.json do not match their stored fingerprint and hash."""
+    """Return True if a file manifest.json was changed: its `contents` do not match their stored hashes."""
     hashed = {name: value for name, value in contents.items() if name != _SHA256}
     provenance = {name: value for name, value in hashed.items() if name not in ("schema", *_NOT_PROVENANCE)}
     digest = _digest(hashed)
@@ -252,7 +282,15 @@ def _is_changed(contents: dict[str, Any]) -> bool:
 
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
-    """Return the fingerprint of a run: the SHA-256 of all inputs in `provenance` that a result depends on."""
+    """Return the fingerprint of a run: the SHA-256 of all inputs on which its results depend.
+
+    Args:
+        provenance: Fields of the manifest except options, date and fingerprint: name -> JSON value.
+
+    Returns:
+        The hash. It does not depend on the number of threads, and it stays the same while a run with `--until settled`
+        adds episodes.
+    """
     versions = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
     inputs = {name: value for name, value in provenance.items() if name != "ended"}
     max_episodes = inputs.get("limit") or inputs["episodes"]
@@ -260,16 +298,16 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
 
 
 def _digest(values: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a dictionary of JSON values; it does not depend on the order of the keys."""
+    """Return the SHA-256 of `values`, a dictionary of JSON values; the order of the keys has no influence."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:
-    """Describe each input that differs between two runs; command-line options are not compared.
+    """Describe in words each input that differs between two evaluations, apart from command-line options.
 
     Args:
-        then: Manifest of the earlier run.
-        now: Manifest of the present run.
+        then: Manifest (all inputs) of the earlier evaluation.
+        now: Manifest of the present evaluation.
 
     Returns:
         A text for each difference, for example `numpy was 2.0 and is 2.1`.
@@ -278,9 +316,18 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    """Yield a description of each input that differs between the manifests `then` and `now`."""
+    """Describe in words each input that differs between two evaluations: `numpy was 2.0 and is 2.1`.
+
+    Args:
+        then: Manifest (all inputs) of the earlier evaluation.
+        now: Manifest of the present evaluation.
+
+    Yields:
+        Description of one difference.
+    """
     for name, version in then.versions.items():
-        new = now.versions.get(name, version)  # the old version by default, because older manifests lack some versions
+        # A version that only one manifest has is no difference, because older manifests lack some versions.
+        new = now.versions.get(name, version)
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:

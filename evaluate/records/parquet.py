@@ -1,4 +1,4 @@
-"""Parquet files with a content hash: written atomically, and rejected when read if they were changed."""
+"""Parquet files with a content hash, which are written atomically and rejected if they were changed."""
 
 import hashlib
 import io
@@ -14,16 +14,18 @@ from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
-"""Metadata key of a table for the hash of its content."""
+"""Metadata key of a table in a Parquet file for the SHA-256 of its content."""
 
 
 def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
-    """Write a table with its metadata and its content hash into a file atomically.
+    """Write a table with metadata and its content hash into a Parquet file.
+
+    The file is written atomically: an error leaves an earlier file unchanged.
 
     Args:
         rows: Table to write.
         path: File to write.
-        metadata: Additional metadata of the table: key -> value.
+        metadata: Metadata that is stored with the table: key -> value.
     """
     described = rows.replace_schema_metadata(dict(metadata))
     buffer = io.BytesIO()
@@ -33,9 +35,18 @@ def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
 
 
 def read(path: Path) -> pa.Table:
-    """Read a table from the file at `path`, and check its content hash.
+    """Read a table from a Parquet file, and check its content hash.
 
-    ValueError is raised if the file is damaged or was changed, and OSError if it cannot be read.
+    OSError is raised if the file cannot be read.
+
+    Args:
+        path: File that `write` has written.
+
+    Returns:
+        The table with its metadata.
+
+    Raises:
+        ValueError: The file is damaged, or its content was changed.
     """
     content = read_bytes(path, MAX_DATA_SIZE)
     try:
@@ -51,9 +62,9 @@ def read(path: Path) -> pa.Table:
 
 
 def content_hash(rows: pa.Table) -> str:
-    """Return the SHA-256 of a table: its metadata, column names, types and values.
+    """Return the SHA-256 of the content of the table `rows`: its metadata, column names, types and values.
 
-    The layout of the Parquet file, for example its compression, does not count.
+    The layout of the Parquet file, for example its compression, has no influence.
     """
     digest = hashlib.sha256(repr(_hashed_metadata(rows.schema.metadata)).encode())
     for field, column in zip(rows.schema, rows.columns, strict=True):
@@ -63,18 +74,27 @@ def content_hash(rows: pa.Table) -> str:
 
 
 def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
-    """Return the sorted metadata pairs that enter the content hash.
+    """Return the metadata of a table or column that enter the content hash of a Parquet file.
 
-    The hash itself and the pairs that the Parquet format adds are left out.
+    Args:
+        metadata: Metadata: key -> value; None for no metadata.
+
+    Returns:
+        Sorted pairs of key and value. The pair with the hash itself and the pairs that the Parquet format adds are left
+        out.
     """
     return sorted(pair for pair in (metadata or {}).items() if pair[0] != SHA256 and not pair[0].startswith(b"PARQUET"))
 
 
 def _add_values(digest: Any, values: pa.Array) -> None:
-    """Add the `values` of a column to the hash `digest`.
+    """Add the values of a table column to a hash.
 
-    A column of numbers or texts adds its validity bits and its bytes. A column of lists adds the lengths of the lists
-    and their entries.
+    Every column first adds one bit for each value, which is 0 for null. A column of numbers or texts then adds its
+    values. A column of lists then adds the lengths of the lists and the entries of the lists.
+
+    Args:
+        digest: Hash object of `hashlib` that is updated.
+        values: Values of the column.
     """
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())

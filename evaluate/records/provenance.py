@@ -1,4 +1,4 @@
-"""Provenance of results: versions, processor, and SHA-256 digests of code, policies and robot model."""
+"""Origin of the results of an evaluation: versions, processor, and hashes of code, policies and robot."""
 
 import ast
 import ctypes
@@ -23,20 +23,25 @@ from policies.base import Policy
 from quad_env.config import FallRule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+"""Folder that contains the packages of this project: the root of the git repository, if there is one."""
 SOURCES = ("quad_env", "policies", "evaluate")
-"""Names of the packages of this project that the results depend on."""
+"""Names of the packages of this project on which the results of an evaluation depend."""
 RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
-"""Name of a rule -> its version; results of another version cannot be read."""
+"""Versions of the rules for success, energy and causes of failure: name of the rule -> version.
+
+Results that were computed with other versions of these rules cannot be read.
+"""
 DIGEST = "3-"
-"""Prefix of the digest of every policy: the version of the algorithm that computes the digest."""
+"""Prefix of the hash of every policy: the version of the algorithm that computes the hash."""
 _SOURCE_SUFFIXES = {".py", ".xml", ".json"}
-"""Suffixes of the files that enter the digest of the code."""
+"""Suffixes of the files that enter the hash of the code: Python modules, robot models and data."""
 
 
 def versions() -> dict[str, str | None]:
-    """Return the versions of everything that the results depend on: name -> version.
+    """Return the versions of all software on which the results of an evaluation depend.
 
-    A version is None if it is not known, for example the git revision outside of a repository.
+    The result maps the name of a package, rule or library to its version.
+    A version is None if it is not known, for example the git revision if this project is not in a git repository.
     """
     return {
         "python": platform.python_version(),
@@ -53,19 +58,20 @@ def versions() -> dict[str, str | None]:
 
 
 def blas() -> str:
-    """Return a text that names NumPy's BLAS library, its version and its processor kernels.
+    """Return name, version and kernels of NumPy's library for linear algebra (BLAS) as one text.
 
-    The kernels are those that OpenBLAS has selected, because they affect the last bits of the results. The environment
-    variable `OPENBLAS_CORETYPE` overrides the selection.
+    A kernel is the code that OpenBLAS has selected for this processor; it affects the last bits of the results. The
+    environment variable `OPENBLAS_CORETYPE` overrides the selection.
     """
     library = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return " ".join((library["name"], library["version"], *sorted(_openblas_kernels())))
 
 
 def _openblas_kernels() -> set[str]:
-    """Return the names of the processor kernels of all OpenBLAS libraries that this process has loaded.
+    """Return the names of the processor kernels that the loaded OpenBLAS libraries have selected.
 
-    The set is empty if the libraries cannot be listed.
+    A kernel is code for one type of processor. The set is empty if the libraries of this process cannot be listed, as
+    on systems without the folder /proc.
     """
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
@@ -81,9 +87,10 @@ def _openblas_kernels() -> set[str]:
 
 
 def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
-    """Return the versions of robot and simulator, as far as they are not the default.
+    """Return the versions of the robot and of the simulator in `hardware`, if they are not the default.
 
-    The dictionary maps the name of the simulator to its version, and `robot` to the SHA-256 of its model.
+    The result maps the name of the simulator to its version, and the key `robot` to the SHA-256 of the robot's model.
+    Defaults are left out, because the hash of the code and the version of MuJoCo already describe them.
     """
     versions = {}
     if hardware.robot != HardwareConfig.robot:
@@ -94,9 +101,13 @@ def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
 
 
 def git_revision(folder: Path) -> str | None:
-    """Return the commit of a git repository, with `-dirty` appended if tracked files differ from it.
+    """Return the hash of the current git commit, with `-dirty` appended if tracked files differ from it.
 
-    The result is None if `folder` is not in a repository.
+    Args:
+        folder: Folder in the git repository.
+
+    Returns:
+        The text; None if the folder is not in a git repository.
     """
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
@@ -105,9 +116,9 @@ def git_revision(folder: Path) -> str | None:
 
 
 def cpu_model() -> str:
-    """Return the name of the processor.
+    """Return the name of the processor of this machine.
 
-    Results depend on the processor, because processors can round the last bit of a function differently.
+    The results depend on the processor, because two processors can compute functions with different last bits.
     """
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -119,9 +130,10 @@ def cpu_model() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return the SHA-256 of the code of the packages in SOURCES: Python statements and data files.
+    """Return the SHA-256 of the code on which the results depend: statements and data files of SOURCES.
 
-    Comments, docstrings and the layout of Python files do not count, because no result depends on them.
+    Comments, docstrings and the layout of Python files have no influence on the hash, because no result depends on
+    them.
     """
     digest = hashlib.sha256()
     for path in (path for package in SOURCES for path in sorted((REPOSITORY / package).rglob("*"))):
@@ -135,9 +147,13 @@ def code_digest() -> str:
 
 
 def _statements(source: bytes) -> bytes:
-    """Return the syntax tree of Python `source` as text without docstrings.
+    """Convert the text of a Python module to a text of its syntax tree, in which docstrings are left out.
 
-    Source that is not valid Python is returned unchanged.
+    Args:
+        source: Content of the file.
+
+    Returns:
+        Text that depends only on the statements; `source` itself if it is not valid Python.
     """
     try:
         tree = ast.parse(source)
@@ -149,13 +165,14 @@ def _statements(source: bytes) -> bytes:
 
 
 def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
-    """Add the text of a syntax tree to a hash, without docstrings.
+    """Convert a syntax tree of Python code to words, in which docstrings are left out.
 
-    Absent and empty fields are left out. The text therefore does not depend on the Python version, unlike `ast.dump`.
+    Absent and empty fields of syntax nodes are left out as well. The words therefore do not depend on the Python
+    version; the output of `ast.dump` does.
 
     Args:
         node: Root of the syntax tree.
-        add: Function that receives the parts of the text one after the other.
+        add: Function that is called with each word, one after the other.
     """
     add(type(node).__name__)
     for name in node._fields:
@@ -177,17 +194,22 @@ def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
 
 
 def _is_docstring(node: Any) -> bool:
-    """Return True if a syntax node is a docstring of a module, class, function or attribute.
+    """Return True if the syntax node `node` is a docstring of a module, class, function or attribute.
 
-    Every statement that consists of a string counts as a docstring.
+    Every statement that consists only of a string counts as a docstring.
     """
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def policy_digest(*policies: Policy) -> str:
-    """Return the SHA-256 of `policies` that have not run yet: their classes and all attributes.
+    """Return the SHA-256 of policies: their classes and all of their attributes, such as network weights.
 
-    The attributes include parameters and network weights.
+    Args:
+        *policies: Policy objects that have not run yet, because attributes change while a policy runs. For the policy
+            of one label, these are one or two objects (without and with the hardware profile).
+
+    Returns:
+        The hash as text, after a prefix with the version of the algorithm.
     """
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
@@ -196,24 +218,25 @@ def policy_digest(*policies: Policy) -> str:
 
 
 def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
-    """Yield the class and the contents of an object in a fixed order, as text to hash.
+    """Convert an object to a sequence of bytes for the hash of a policy: its class and its contents.
 
     Args:
-        value: A policy, or an attribute of it at any depth.
-        ancestors: `id` of each object that contains the object, to detect an object that contains itself.
+        value: The policy, or an object that it contains at any depth.
+        ancestors: `id` of each object that contains `value`, to detect an object that contains itself.
 
     Yields:
-        Parts of the text. They contain no module names, so a policy keeps its digest when its source file moves.
+        Pieces of the bytes in a fixed order. They contain no module names, so a policy keeps its hash if its source
+        file is moved.
     """
     kind = type(value).__qualname__
     if isinstance(value, np.ndarray) and value.dtype == object:
-        yield from _pieces(value.tolist(), ancestors)  # because the bytes of an object array are addresses
+        yield from _pieces(value.tolist(), ancestors)  # The bytes of an array of objects would be memory addresses.
     elif isinstance(value, np.ndarray | np.generic):
         yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
     elif value is None or isinstance(value, bool | int | float | str | bytes):
         yield f"{kind} {value!r}".encode()
     elif isinstance(value, Path):
-        yield value.name.encode()  # only the name, because the code digest contains the file's contents
+        yield value.name.encode()  # Only the file's name counts, because the hash of the code contains its content.
     elif callable(value) and hasattr(value, "__qualname__"):
         yield value.__qualname__.encode()
     elif id(value) in ancestors:
@@ -227,12 +250,19 @@ def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _contents(value: Any) -> list[tuple[Any, Any]]:
-    """Return the contents of an object as pairs: attribute name, dictionary key or list index, and value."""
+    """Return the contents of an object as pairs of name and value, for the hash of a policy.
+
+    Args:
+        value: Dictionary, list, tuple, dataclass or any other object with attributes.
+
+    Returns:
+        Pairs in a fixed order. The name is a dictionary key, a list index or the name of an attribute.
+    """
     if isinstance(value, Mapping):
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
         return list(enumerate(value))
-    if is_dataclass(value):  # only fields, because other attributes of a dataclass may be caches
+    if is_dataclass(value):  # Only fields count, because other attributes of a dataclass may be caches.
         return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())
@@ -243,10 +273,10 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
     Args:
         folder: Folder in which the command runs.
-        *arguments: Arguments of git.
+        *arguments: Arguments of the program git, for example `rev-parse` and `HEAD`.
 
     Returns:
-        The output, stripped; None if the command fails.
+        The output without surrounding white space; None if the command fails or takes more than 10 s.
     """
     command = ["git", "-C", str(folder), *arguments]
     try:
@@ -257,7 +287,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 
 def _version_of(distribution: str) -> str | None:
-    """Return the version of the installed Python `distribution`; None if it is not installed."""
+    """Return the version of the installed Python package `distribution`; None if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -1,7 +1,7 @@
-"""Results folder: saves the episodes of a running evaluation, and reads runs back.
+"""Results folder of an evaluation (run): saves measured episodes during the run, and reads them back.
 
 A cell is the result of one policy on one scenario. A chunk is a subset of its episodes that are simulated together and
-stored in one file.
+stored in one file, until the run is finished.
 """
 
 import re
@@ -31,64 +31,78 @@ from quad_env.cli.format import with_count
 from quad_env.scenarios.registry import Scenario
 
 EPISODES = "episodes.parquet"
+"""Name of the file in a results folder with the measures of all episodes of a finished evaluation."""
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
 """Pattern of the file name of a chunk (subset of episodes that are simulated together).
 
-The name contains the index of the policy-scenario pair, the index of the first episode, and the first characters of the
-run's fingerprint.
+The name contains the index of the policy-scenario pair and the index of the first episode. The first eight characters
+of the fingerprint (hash of all inputs) of the evaluation follow.
 """
 _FIRST_EPISODE = slice(6, 13)
-"""Characters of a chunk's file name that are the index of the chunk's first episode."""
+"""Positions of the digits in a chunk's file name that are the index of its first episode.
+
+A chunk is a subset of episodes that are simulated together and stored in one file.
+"""
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
-"""Pattern of the name of a temporary file that remains if a run is killed while it writes."""
+"""Pattern of the name of a temporary file that remains if an evaluation is killed during writing."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A finished or unfinished run, as read from its results folder."""
+    """A finished or unfinished evaluation, as read from its results folder."""
 
     manifest: Manifest
+    """All inputs of the evaluation, as read from manifest.json."""
     cells: tuple[PolicyScenarioResult, ...]
-    """Finished results, one for each pair of policy and scenario, in the order of the run."""
+    """Results of the policy-scenario pairs that have all episodes, in the order of the evaluation."""
     stored: bool = False
-    """True if all results were read from episodes.parquet, and none from the files of an unfinished run."""
+    """True if the results are from episodes.parquet, the file that an evaluation writes at its end.
+
+    False if they are from the separate files of an unfinished evaluation.
+    """
     missing_measures: tuple[str, ...] = ()
-    """Names of the measures that episodes.parquet lacks; they are NaN or None in the results."""
+    """Names of the measures that the file episodes.parquet lacks; their values in `cells` are NaN or None."""
 
     @property
     def complete(self) -> bool:
-        """True if every pair of policy and scenario is finished and the run will add no episodes."""
+        """True if every policy-scenario pair has all episodes and no further episodes will be added."""
         return len(self.cells) == len(self.manifest.cells) and not self.manifest.is_unsettled
 
 
 class ChunkStore:
-    """Store of the finished episodes of an unfinished run, as chunks in a results folder.
+    """Stores the finished episodes of an evaluation in its results folder, so that it can be resumed.
 
-    A chunk is a subset of the episodes of one policy on one scenario. Each chunk is one file, which is written
-    atomically.
+    The episodes are stored in chunks. A chunk is a subset of the episodes of one policy on one scenario. Each chunk is
+    one file, which is written atomically.
+
+    Args:
+        folder: Results folder of the evaluation.
+        manifest: All inputs of the evaluation.
+        resumed: True if the folder already contains episodes of this evaluation; False for a new evaluation.
     """
 
     def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
         self.folder = folder
         self.manifest = manifest
         self.begun = resumed
-        """True if the contents of the folder belong to this run.
+        """True if the content of the results folder belongs to this evaluation.
 
-        It is False until the first chunk of a new run is saved; the folder can still hold an earlier run until then.
+        It is False until the first episodes of a new evaluation are saved. Until then, the folder can still contain the
+        results of an earlier evaluation.
         """
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the stored chunks (subsets of episodes) of one policy on one scenario.
+        """Read the stored chunks (subsets of episodes) of one policy on one scenario.
 
-        Damaged files and files of other runs or seeds are skipped.
+        Damaged files, and files of another evaluation or with other seeds, are skipped.
 
         Args:
             policy: Label of the policy.
-            scenario: Scenario.
+            scenario: Scenario of the episodes.
 
         Returns:
-            Chunks; no two chunks have an episode in common.
+            Chunks, in the order of their first episodes. No two of them have an episode in common.
         """
         if not self.begun:
             return ()
@@ -102,10 +116,13 @@ class ChunkStore:
         return chunks
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Write the `chunk`, a subset of the episodes of one policy on one scenario, into a file.
+        """Write a chunk, a subset of the episodes of one policy on one scenario, into one file.
 
-        The first chunk of a run replaces the earlier run in the folder. OSError is raised if the file cannot be
-        written.
+        The first chunk of a new evaluation replaces the manifest and all chunks of an earlier evaluation in the folder.
+        OSError is raised if the file cannot be written.
+
+        Args:
+            chunk: The episodes with their measures.
         """
         cell_index = self._cell_index(chunk.cell.policy, chunk.cell.scenario)
         name = f"{cell_index:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
@@ -117,18 +134,18 @@ class ChunkStore:
             self.begun = True
 
     def _cell_index(self, policy: str, scenario: Scenario) -> int:
-        """Return the index of the pair of `policy` and `scenario` in the order of the run."""
+        """Return the index of the pair of `policy` (label) and `scenario` in the order of the evaluation."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:
-        """Read a stored chunk (subset of episodes).
+        """Read a stored chunk: a subset of the episodes of one policy on one scenario.
 
         Args:
             path: File of the chunk.
-            scenario: Scenario of the chunk.
+            scenario: Scenario of the episodes.
 
         Returns:
-            The chunk; None if the file is damaged, or belongs to another run or to other seeds.
+            The chunk; None if the file is damaged, belongs to another evaluation, or has other seeds.
         """
         try:
             rows = read_table(path, self.manifest.fingerprint)
@@ -140,9 +157,9 @@ class ChunkStore:
 
 
 def read_run(folder: Path) -> Run:
-    """Read the finished or unfinished run in a results `folder`.
+    """Read manifest and results of the finished or unfinished evaluation in a results `folder`.
 
-    UsageError or OSError is raised if the run cannot be read.
+    UsageError or OSError is raised if the evaluation cannot be read.
     """
     manifest, rows, stored = _read(folder)
     try:
@@ -152,18 +169,25 @@ def read_run(folder: Path) -> Run:
 
 
 def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
-    """Read the manifest and the table of the finished episodes in a results `folder`.
+    """Read the manifest (all inputs) and the table of the finished episodes in a results folder.
 
-    Only the episodes of finished pairs of policy and scenario are included. Errors are raised as by `read_run`.
+    UsageError or OSError is raised if they cannot be read.
+
+    Args:
+        folder: Results folder.
+
+    Returns:
+        Manifest, and table with one row per episode. It contains the policy-scenario pairs that have all episodes.
     """
     manifest, rows, _ = _read(folder)
     return manifest, rows
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Read the manifest and the table of the finished episodes in a results `folder`.
+    """Read the manifest (all inputs) and the table of the finished episodes in a results `folder`.
 
-    The third value is True if the rows are from episodes.parquet. Errors are raised as by `read_run`.
+    The table has one row per episode. The third value is True if the rows are from episodes.parquet, and False if they
+    are from the files of an unfinished evaluation. UsageError or OSError is raised if the evaluation cannot be read.
     """
     manifest = manifests.read(folder)
     has_chunks = is_unfinished(folder)
@@ -180,20 +204,21 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
-    """Read the table episodes.parquet, and check that it contains the episodes of its run.
+    """Read the table episodes.parquet, and check that it contains exactly the episodes of its evaluation.
 
-    Measures that the file lacks are added as missing values, and their names are printed on stderr.
+    If the file lacks a measure, the values of this measure are null, and its name is printed on stderr.
 
     Args:
         path: Path of episodes.parquet.
-        manifest: Manifest of the run.
+        manifest: All inputs of the evaluation.
 
     Returns:
-        One row for each episode, in the order of the run. The table is empty if the file does not exist, and an
-        interrupted run may lack some pairs of policy and scenario.
+        Table with one row per episode, in the order of the evaluation. It is empty if the file does not exist. After an
+        interruption, some policy-scenario pairs have no rows.
 
     Raises:
-        ValueError: The rows differ from the rows that the run wrote, or a required column is missing.
+        ValueError: The file was changed or belongs to another evaluation, its rows are not the expected episodes in
+            order, or a required column is missing.
     """
     if not path.exists():
         return pa.table({})
@@ -210,23 +235,35 @@ def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
-    """Return the `rows` of an episode table that belong to one `policy` on one `scenario`."""
+    """Return the rows of a table of episodes that belong to one policy on one scenario.
+
+    Args:
+        rows: Table with one row per episode.
+        policy: Label of the policy.
+        scenario: Name of the scenario.
+
+    Returns:
+        Table with the selected rows.
+    """
     return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Return True if the results `folder` holds an unfinished run: a manifest and files of chunks."""
+    """Return True if a results `folder` contains an unfinished evaluation: manifest.json and chunks.
+
+    A chunk is a subset of episodes that are simulated together and stored in one file.
+    """
     return (folder / manifests.NAME).is_file() and any(_chunk_files(folder))
 
 
 def remove_chunks(folder: Path, but: str = "") -> None:
-    """Remove the stored chunks (subsets of episodes) of all runs in a results folder.
+    """Remove all stored chunks (files with a subset of the episodes) from a results folder.
 
-    Temporary files that a killed run left behind are removed as well.
+    Temporary files that a killed evaluation left behind are removed as well.
 
     Args:
-        folder: Results folder; all other files in it are kept.
-        but: File name of one chunk to keep; empty to remove all chunks.
+        folder: Results folder. All other files in it are kept.
+        but: Name of the file of one chunk that is kept; empty to remove all chunks.
     """
     for path in _chunk_files(folder):
         if path.name != but:
@@ -237,19 +274,25 @@ def remove_chunks(folder: Path, but: str = "") -> None:
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # raised if the folder does not exist or contains other files
+    except OSError:  # The error is raised if the folder does not exist or contains other files.
         return
 
 
 def _chunk_files(folder: Path) -> Iterator[Path]:
-    """Yield the paths of all stored chunks (subsets of episodes) in a results `folder`, of any run."""
+    """Yield the paths of all stored chunks (subsets of episodes) in a results `folder`, of any evaluation."""
     return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
-    """Yield the result of each pair of policy and scenario for which all episodes are stored.
+    """Read the results of an unfinished evaluation from its chunks (files with a subset of the episodes).
 
-    Files that are damaged or belong to another run are counted on stderr.
+    The number of files that are damaged or belong to another evaluation is printed on stderr.
+
+    Args:
+        store: Store of the chunks in the results folder.
+
+    Yields:
+        Result of each policy-scenario pair for which all episodes are stored, in the order of the evaluation.
     """
     files = [path for path in _chunk_files(store.folder) if int(path.name[_FIRST_EPISODE]) < store.manifest.episodes]
     file_count = len(files)
@@ -268,14 +311,14 @@ def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]:
-    """Convert the episode table of a run to one result for each pair of policy and scenario.
+    """Convert the table of all episodes of an evaluation to one result for each policy-scenario pair.
 
     Args:
-        manifest: Manifest of the run.
-        rows: Rows of the episodes.
+        manifest: All inputs of the evaluation, with its policies and scenarios.
+        rows: Table with one row per episode.
 
     Yields:
-        Results in the order of the run.
+        Results of the policy-scenario pairs that have rows, in the order of the evaluation.
     """
     if not rows.num_rows:
         return
@@ -286,14 +329,14 @@ def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]
 
 
 def _unreadable(folder: Path, error: Exception) -> UsageError:
-    """Return the error for an episodes.parquet that does not belong to its manifest.
+    """Make the error for a file episodes.parquet that does not match the manifest.json in its folder.
 
     Args:
-        folder: Results folder.
-        error: Reason why the table cannot be used.
+        folder: Results folder with both files.
+        error: Error that contains the reason.
 
     Returns:
-        The error, with the remedy in its message.
+        The error for the user, with the remedy in its message.
     """
     remedy = "restore it, or run the evaluation again"
     return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}; {remedy}")
