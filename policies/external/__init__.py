@@ -1,4 +1,4 @@
-"""Policies of other projects and of users: Python, ONNX, TorchScript and Stable-Baselines3 files."""
+"""External policies: files of users and other projects (Python, ONNX, TorchScript, Stable-Baselines3)."""
 
 from policies.external.process import ExternalPolicy
 from policies.external.reference import is_reference, unsupported_file_remedy

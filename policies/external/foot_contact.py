@@ -17,7 +17,9 @@ Go1 with the policies `trot` and `mpc_wbc`, on flat and rough ground and under p
 
 
 class FootContactEstimator(PerRobotState):
-    """Estimator of the foot contact of n robots from joint torques, for the term `foot_contact`.
+    """Estimator of the foot contact of n robots from joint torques.
+
+    It is used for external policies with the observation term `foot_contact`.
 
     Args:
         robot: Robot with the servo gains that the policy uses.
@@ -31,9 +33,9 @@ class FootContactEstimator(PerRobotState):
         super().__init__()
 
     def estimate(self, observation: Floats) -> Mask:
-        """Update the estimate from the environment's observation, (n, k); return feet in contact, (n, 4).
+        """Update the estimate from the environment's observation, (n, k), and return the foot contact, (n, 4).
 
-        The method must be called once in each control step of the environment.
+        The result is True for feet in contact. The method must be called once in each control step of the environment.
         """
         motion = compute_motion_state(self._robot, self._dynamics, observation)
         vertical_force = self._foot_forces.estimate(motion).forces[..., 2]

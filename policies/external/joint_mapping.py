@@ -44,18 +44,18 @@ class JointMapping:
     """Robot joint angles at which the policy's joint angles are zero, in the policy's order, (12,), rad."""
 
     def policy_angles(self, robot_angles: Floats) -> Floats:
-        """Convert joint angles from the order, signs and zeros of the robot to the policy's, (n, 12), rad."""
+        """Convert the robot's joint angles to the policy's joint order, signs and zeros, (n, 12), rad."""
         return self.signs * (robot_angles[:, self.joint_ids] - self.zeros)
 
     def policy_rates(self, robot_rates: Floats) -> Floats:
-        """Convert joint velocities or torques from the robot's order and signs to the policy's, (n, 12).
+        """Convert the robot's joint velocities or torques to the policy's joint order and signs, (n, 12).
 
-        The unit, rad/s or N·m, is unchanged.
+        The unit of the result is the unit of the argument, rad/s or N·m.
         """
         return self.signs * robot_rates[:, self.joint_ids]
 
     def robot_angles(self, policy_angles: Floats) -> Floats:
-        """Convert joint angles from the order, signs and zeros of the policy to the robot's, (n, 12), rad."""
+        """Convert the policy's joint angles to the robot's joint order, signs and zeros, (n, 12), rad."""
         return self.to_robot_order(self.zeros + self.signs * policy_angles)
 
     def to_robot_order(self, values: Floats) -> Floats:
@@ -161,7 +161,11 @@ def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str
 
 @cache
 def _model_file_convention(robot: Robot) -> tuple[Floats, Floats]:
-    """Return signs and zeros, rad, each (12,), that convert angles of the model file to robot angles."""
+    """Return signs and zeros, rad, each (12,), that convert angles of the model file to robot angles.
+
+    For each joint, `robot_angle = zero + sign * angle`, where `angle` is the joint angle in the robot's model file.
+    The robot angles are zero if the legs point straight down.
+    """
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
     model = robot.user_model.model

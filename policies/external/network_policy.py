@@ -18,7 +18,7 @@ from policies.memory import initialize_state, per_robot
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
-"""Rounding tolerance of times: a fraction of the policy's control period; closer times count as equal."""
+"""Difference below which two times count as equal, as a fraction of the policy's control period."""
 
 
 class NetworkPolicy(Policy):

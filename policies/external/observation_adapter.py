@@ -27,8 +27,8 @@ GRID_RESOLUTION = 1e-3
 DEFAULT_SPACING = 100
 """Distance between the points of the environment's height scan, in units of GRID_RESOLUTION.
 
-The value is used if the policy observes only the point below the trunk's centre, because the distance then has no other
-definition.
+The value is used if the policy observes only the point below the trunk's centre, because no distance follows from a
+single point.
 """
 
 
@@ -182,8 +182,8 @@ class ObservationAdapter(PerRobotState):
     def _compute_height_scan(self, term: SpecTerm, scan: Floats) -> Floats:
         """Return the heights of the trunk above the ground at the p points of the term's grid, (m, p), m.
 
-        The height at a point is the height at the nearest point of `scan`, the environment's height scan, (m, points),
-        minus the offset of the term's grid.
+        `scan`, (m, points), is the environment's height scan: ground height minus trunk height. The height at a point
+        of the grid is the negative value at the nearest scan point, minus the offset of the grid.
         """
         assert self.height_scan is not None and term.grid is not None  # noqa: PT018
         differences = self.height_scan.points[None] - _grid_points(term.grid)[:, None]
@@ -192,7 +192,7 @@ class ObservationAdapter(PerRobotState):
 
 
 def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floats:
-    """Rotate vectors, (m, 3), from the base frame to the base (`body`), `heading` or `world` frame."""
+    """Rotate vectors, (m, 3), from the base frame to `frame`: `body` (unchanged), `heading` or `world`."""
     if frame == "body":
         return vectors
     x, y, z = level_frame(signals.readings["projected_gravity"].T).to_level(vectors.T)

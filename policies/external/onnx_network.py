@@ -31,7 +31,7 @@ Other number types are not supported.
 ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
 """Groups of usual names of a network's action output, in lower case, in the order of preference.
 
-The first group with exactly one name of an output determines the action.
+The first group that contains the name of exactly one output determines the action output.
 """
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
 """Usual names, in lower case, of the observation; they are used if a network has several inputs."""
@@ -189,8 +189,9 @@ def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Net
 def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
     """Return the network input that receives the observation.
 
-    If exactly one input has a name in OBSERVATIONS, this input is returned. Otherwise, the only input is returned for
-    which no output has the name of an update. If there are several of them, or none, the first input is returned.
+    If exactly one input has a name in OBSERVATIONS, it is the observation. Otherwise, the observation is the only input
+    that is not updated by an output with the same name. If there are several of these inputs, or none, the observation
+    is the first input.
     """
     named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
     if len(named) == 1:

@@ -1,4 +1,4 @@
-"""External policies, run in a subprocess with a timeout on every call; this is the parent's side.
+"""Parent's side of external policies, which run in a subprocess with a timeout on every call.
 
 A failure of the policy ends only the episodes of the robots that the policy controls.
 """

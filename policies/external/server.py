@@ -37,8 +37,9 @@ MAX_REASON = 200
 HEARTBEAT_PERIOD = 1.0
 """Minimum time between two heartbeats, s.
 
-A fifth of the deadline of a call is used instead if it is shorter. A busy subprocess sends heartbeats to its parent
-between the calls of several robots. A heartbeat restarts the timeout with which the parent waits.
+A fifth of the deadline of a call is used instead if it is shorter. After a call of the policy, the subprocess sends a
+heartbeat to its parent if this time has passed since the last heartbeat. The heartbeat restarts the timeout of the
+parent, so that the calls for many robots do not exceed it.
 """
 
 _parent_connection: Connection | None = None

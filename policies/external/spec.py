@@ -106,11 +106,14 @@ class HeightGrid(_CheckedSpec):
     """
 
     x: Numbers
-    """Forward coordinates of the grid points, one per row of the grid, in the order of the observation, m."""
-    y: Numbers
-    """Lateral coordinates of the grid points, positive to the left, in the order of the observation, m.
+    """x coordinates of the grid, positive forward, in the order of the observation, m.
 
-    There is one number per column of the grid.
+    The grid has a point for each pair of an x and a y coordinate.
+    """
+    y: Numbers
+    """y coordinates of the grid, positive to the left, in the order of the observation, m.
+
+    The grid has a point for each pair of an x and a y coordinate.
     """
     x_first: bool = True
     """True if x changes fastest from one observed point to the next, False if y changes fastest."""

@@ -26,7 +26,7 @@ from quad_env.files.text import one_line
 def read(path: Path) -> PolicySpec | None:
     """Read the specification of an external policy from a file and from the files next to it.
 
-    The files may contain code, which is not run.
+    The function never runs code that the files contain.
 
     Args:
         path: Path of the file, with any suffix.

@@ -217,10 +217,10 @@ def _parse_gains(
 
 
 def _parse_actuator_gains(actuators: FileSettings, joints: JointNames, kind: str) -> Numbers:
-    """Return the stiffness or damping, named by `kind`, of each joint.
+    """Return the stiffness, N·m/rad, or the damping, N·m·s/rad, of each joint in `joints`.
 
-    The gain of a joint is taken from the first actuator in `params/env.yaml` with a pattern that matches the joint's
-    name. Raises PolicyError if no actuator matches.
+    `kind` is `stiffness` or `damping`. The value of a joint is taken from the first actuator in `params/env.yaml` with
+    a pattern that matches the joint's name. Raises PolicyError if no actuator matches.
     """
     gains = []
     for joint in joints:

@@ -53,7 +53,10 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action term; raise PolicyError if it is not a JointPositionAction."""
+    """Return the settings of the only action term in an `env.yaml`.
+
+    Raises PolicyError if there are several action terms, or if the term is not a JointPositionAction.
+    """
     actions = dict(settings.section("actions").sections())
     kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
@@ -85,10 +88,11 @@ def _has_matches(patterns: list[str], names: JointNames) -> bool:
 
 
 def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> JointNames:
-    """Return the joint names that the regular expressions under the key `joint_names` select.
+    """Return the joint names of an action or observation term.
 
-    The result has the order of `asset_joints`, all joint names of the robot in Isaac Lab's order. If `preserve_order`
-    is True, it has the order of the expressions. Raises PolicyError if `asset_joints` is needed but None (unknown).
+    The regular expressions under the key `joint_names` of the term's settings select the names. The result has the
+    order of `asset_joints`, all joint names of the robot in Isaac Lab's order. If `preserve_order` is True, it has the
+    order of the expressions. Raises PolicyError if `asset_joints` is needed but None (unknown).
     """
     if settings.find("joint_names") is None and settings.find("joint_ids") is not None:
         settings.raise_invalid("joint_ids", "absent, with the joints in `joint_names`")
@@ -170,9 +174,10 @@ def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
 
 
 def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
-    """Return the stiffness or damping, named by `kind`, of the first actuator that has a joint.
+    """Return the stiffness, N·m/rad, or the damping, N·m·s/rad, of the joint with the name `joint`.
 
-    Raises PolicyError if no actuator of the robot has the joint.
+    `kind` is `stiffness` or `damping`. The value is taken from the first actuator of the robot with a regular
+    expression that matches the joint's name. Raises PolicyError if no actuator matches.
     """
     for _, actuator in robot.section("actuators").sections():
         if any(joint_name_matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):

@@ -93,8 +93,8 @@ def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
 def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
     """Return a remark, one line, for each gait clock if its settings contain no threshold.
 
-    The threshold is the norm of the velocity command below which the clock is (0, 0). It is missing in files of older
-    projects and is then assumed to be 0. The pairs in `terms` are a function name and the settings of the term.
+    The threshold is the norm of the velocity command below which the clock is (0, 0). If it is missing, the clock is
+    assumed to run always. `terms` has pairs: name of Isaac Lab's function for a term, and settings of the term.
     """
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "

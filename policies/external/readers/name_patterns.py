@@ -31,12 +31,12 @@ _CLASSES: dict[str, CharacterTest] = {
     "d": str.isdecimal,
     "s": str.isspace,
 }
-"""Letter of an escape in a regular expression -> test whether a character belongs to its class.
+"""Letter of an escape in a regular expression -> function that returns True for matched characters.
 
-For example, the test of `d` returns True for decimal digits.
+For example, the function of `d` returns True for decimal digits.
 """
 _REPETITIONS: dict[str, tuple[int, int | None]] = {"*": (0, None), "+": (1, None), "?": (0, 1)}
-"""Repetition sign in a regular expression -> minimum and maximum count; None: no maximum."""
+"""Repetition sign in a pattern -> minimum and maximum number of repetitions; None: no maximum."""
 
 
 class PatternError(ValueError):

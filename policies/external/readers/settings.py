@@ -42,7 +42,7 @@ _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse
 
 @dataclass(frozen=True)
 class FileSettings:
-    """Settings of a file, or of one section of it: values by key, for type checks with precise errors.
+    """Settings of a file, or of one section of a file, with methods that check the types of the values.
 
     `load_settings` makes an instance for a whole file. The methods raise PolicyError for a value of a wrong type. The
     error names the file and the keys.
@@ -120,7 +120,7 @@ class FileSettings:
         return number
 
     def numbers(self, key: str, count: int | None = 12, default: float | None = None) -> Numbers:
-        """Return the list of finite numbers under a key; a single number is repeated `count` times.
+        """Return the finite numbers under a key as a tuple; a single number is repeated `count` times.
 
         Raises PolicyError for any other value.
 
@@ -144,7 +144,7 @@ class FileSettings:
         return minimum, maximum
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Return the list of texts under a key; a single text is returned as a tuple of one text.
+        """Return the texts under a key, which contains a list of texts or a single text, as a tuple.
 
         Raises PolicyError for any other value.
         """

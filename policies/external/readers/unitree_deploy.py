@@ -56,7 +56,10 @@ def _in_order(values: Numbers, indices: tuple[int, ...]) -> Numbers:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action term; raise PolicyError if it is not a JointPositionAction."""
+    """Return the settings of the only action term in a `deploy.yaml`.
+
+    Raises PolicyError if there are several action terms, or if the term is not a JointPositionAction.
+    """
     actions = settings.section("actions")
     if list(actions.values) != ["JointPositionAction"]:
         settings.raise_invalid("actions", "JointPositionAction alone")
@@ -64,7 +67,7 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _observation_group(settings: FileSettings) -> FileSettings:
-    """Return the settings with one section per observation term.
+    """Return the settings of all observation terms in a `deploy.yaml`, one section per term.
 
     The sections are at the top level of `observations`, or in its only group. Raises PolicyError if there are several
     groups, because the network then has several inputs.

@@ -100,7 +100,7 @@ def _parse_float(text: str) -> float:
 
 
 def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
-    """Insert the keys of other mappings that a YAML mapping merges (`<<`) before its own keys.
+    """Insert the keys that a YAML mapping merges from other mappings (`<<`) before its own keys.
 
     The mapping's own keys are recorded in `loader.own_keys`, because only they are checked for duplicates. Raises
     ValueError if the mapping then has more than MAX_PAIRS keys.

@@ -54,7 +54,7 @@ _LINKS = "hip", "thigh", "calf"
 
 
 def change_actions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification's actions: another action scale or another action offset.
+    """Yield candidate corrections of a policy's specification with another action scale or offset.
 
     The action offset is the default position or zero.
     """
@@ -73,7 +73,7 @@ def change_actions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_rate(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification with another control rate.
+    """Yield candidate corrections of a policy's specification with another control rate.
 
     The rates are RATES, half the specified rate, and twice the specified rate (at most the last rate of RATES).
     """
@@ -84,7 +84,7 @@ def change_rate(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield corrections of a specification in which some joints turn in the opposite direction.
+    """Yield candidate corrections of a policy's specification with opposite signs of some joints.
 
     The joints are the hips, thighs or calves, or several of these kinds, on all legs or on one side. In one correction
     the default positions of these joints are unchanged, in another they change their sign as well.
@@ -123,10 +123,10 @@ def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
 
 
 def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:
-    """Return the sets of joints for which `change_signs` reverses the sign.
+    """Return the sets of joints for which `change_signs` reverses the sign of the joint angles.
 
-    Each set consists of a text for its legs, a mask of the joints of these legs, (12,), and the kinds of its joints (0:
-    hip, 1: thigh, 2: calf). `is_right` is True for the joints of the right legs, (12,).
+    Each set is a tuple: text for the legs, mask of the joints of these legs, (12,), and kinds of the joints (0: hip, 1:
+    thigh, 2: calf). `is_right` is True for the joints of the right legs, (12,).
     """
     every = np.ones(len(is_right), np.bool_)
     link_choices: tuple[tuple[int, ...], ...] = ((1, 2), (0,), (2,), (1,), (0, 1, 2))
@@ -137,7 +137,7 @@ def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[in
 
 
 def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield corrections of a specification with other servo gains (stiffness and damping).
+    """Yield candidate corrections of a policy's specification with other servo gains.
 
     The gains are the robot's own gains, or the specified gains with stiffness, damping or both multiplied by a factor.
 

@@ -61,7 +61,10 @@ smaller actions, other servo gains, rates and clocks, and another order of terms
 
 @dataclass(frozen=True)
 class Correction:
-    """Changed specification of an external policy in which one or several common errors are corrected."""
+    """Changed specification of an external policy in which one or several common errors are corrected.
+
+    The policy is tested with the changed specification, to find the error if the policy does not walk.
+    """
 
     error: str
     """Name of the corrected error, one of COMMON_ERRORS; several names are joined by `and`."""

@@ -1,7 +1,7 @@
 """Corrections of the joint order in a specification: left and right, fore and hind, by leg or by kind.
 
-The kind of a joint is hip, thigh or calf. In an order by leg, the three joints of each leg follow each other. In an
-order by kind, the four joints of each kind follow each other.
+The kind of a joint is hip, thigh or calf. In an order by leg, the three joints of each leg are adjacent. In an order by
+kind, the four joints of each kind are adjacent.
 """
 
 from collections.abc import Iterable, Iterator
@@ -36,8 +36,8 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
         robot: Robot with these joints.
 
     Returns:
-        Order of the legs, then `by leg` (the joints of each leg follow each other), `by kind` (the hips, the thighs and
-        the calves follow each other) or `mixed`.
+        Order of the legs, followed by `by leg` (the three joints of each leg are adjacent), `by kind` (first all hips,
+        then all thighs, then all calves, or another order of these kinds) or `mixed`.
     """
     order = map_joints(joints, robot).joint_ids
     legs = dict.fromkeys(robot.leg_names[joint // JOINTS_PER_LEG] for joint in order.tolist())
@@ -47,7 +47,7 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
 
 
 def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
-    """Yield corrections of a specification with another order of the joints.
+    """Yield candidate corrections of a policy's specification with another order of the joints.
 
     Either only the joint names are reordered, or the names together with all fields that have one value per joint.
 
@@ -73,7 +73,7 @@ def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Corre
 
 
 def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield corrections of a specification with another joint order of the observation.
+    """Yield candidate corrections of a policy's specification with another joint order of the observation.
 
     The joint order of the actions is unchanged. The new order of the observation is the order of the actions, or the
     specified order with one error of ORDERS corrected.
@@ -100,7 +100,11 @@ def _reordered_values(spec: PolicySpec, joints: Names) -> dict[str, Any]:
 
 
 def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
-    """Return joint names in the order that results if the given errors of ORDERS are corrected."""
+    """Return the joint names of a policy in the order that results if the errors are corrected.
+
+    `errors` are names of ORDERS: SIDES exchanges left and right legs, ENDS exchanges fore and hind legs, and GROUPING
+    changes an order by leg into an order by kind, and any other order into an order by leg.
+    """
     given = map_joints(joints, robot).joint_ids
     order = given
     for error in errors:
@@ -116,7 +120,7 @@ def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
 def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
     """Return a joint order grouped by leg, and the same joints grouped by kind (hip, thigh, calf).
 
-    The legs, and the kinds within a leg, keep the order of their first appearance in `order`.
+    Legs and kinds keep the order of their first appearance in `order`.
     """
     leg_ids, link_ids = np.divmod(order, JOINTS_PER_LEG)
     leg_rank = _rank_of_first(leg_ids)

@@ -54,9 +54,9 @@ _OTHER_POSITION = {
 
 
 def change_frames(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification that observe the velocities of the trunk in another frame.
+    """Yield candidate corrections of a policy's specification with another frame of the velocities.
 
-    The linear velocity, the angular velocity or both are in the base frame (`body`) or in the world frame.
+    The linear velocity of the trunk, its angular velocity or both are in the base frame (`body`) or the world frame.
     """
     both = "linear_velocity", "angular_velocity"
     for frame in _FRAMES:
@@ -69,7 +69,7 @@ def change_frames(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the correction of a specification that observes the gravity vector with the opposite sign."""
+    """Yield the candidate correction of a policy's specification with the opposite sign of gravity."""
 
     def reverse(term: SpecTerm) -> SpecTerm:
         reversed_term = replace(term, scale=tuple(-factor for factor in term.scale))
@@ -81,7 +81,7 @@ def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_scales(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification with other scales of the observation terms.
+    """Yield candidate corrections of a policy's specification with other scales of the observation terms.
 
     In each correction, one term has legged_gym's scale, the scale 1, or the specified scale multiplied or divided by
     legged_gym's scale. In two more corrections, all terms in LEGGED_GYM_SCALES have legged_gym's scales, or all of them
@@ -107,7 +107,7 @@ def change_scales(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_history(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification with another order of the numbers in the history.
+    """Yield candidate corrections of a policy's specification with another order of the history.
 
     The newest control step is at the other end of the history, or the history has the other layout (by term or by
     time), or both.
@@ -127,7 +127,7 @@ def change_history(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification that change the meaning of a single observation term.
+    """Yield candidate corrections of a policy's specification with another meaning of one term.
 
     They change the form of the previous action (raw or scaled), the zero of the joint positions (default position or
     0 rad), or the frequency or the threshold of a gait clock.
@@ -147,9 +147,10 @@ def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
-    """Yield corrections of a specification with another threshold or frequency of the gait clock `term`.
+    """Yield candidate corrections of a specification with another gait clock in place of `term`.
 
-    The threshold is the norm of the velocity command below which the clock is (0, 0).
+    The gait clock has another frequency or another threshold. The threshold is the norm of the velocity command below
+    which the clock is (0, 0).
     """
     threshold = 0.0 if term.zero_below else CLOCK_THRESHOLD
     gated = f"a clock that is zero below a command of {threshold:g}"
@@ -163,7 +164,7 @@ def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
 
 
 def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield corrections of a specification with another order of the observation terms.
+    """Yield candidate corrections of a policy's specification with another order of the observation terms.
 
     The terms are in an order of TERM_ORDERS, or two adjacent terms are swapped.
     """
@@ -205,6 +206,9 @@ def _scale_setter(scales: dict[str, Numbers]) -> Callable[[SpecTerm], SpecTerm]:
 
 
 def _paired(scale: Numbers, other: Numbers) -> Iterable[tuple[float, float]]:
-    """Return pairs of corresponding factors of the two scales of a term; a single factor is repeated."""
+    """Return pairs of corresponding factors of two scales of an observation term.
+
+    A scale with a single factor for all values of the term is repeated.
+    """
     width = max(len(scale), len(other))
     return zip(scale * (width // len(scale)), other * (width // len(other)), strict=True)

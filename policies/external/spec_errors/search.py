@@ -13,14 +13,14 @@ from quad_env.robots.robot import Robot
 
 
 def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Correction]:
-    """Yield all corrections of a specification; each one results in a different specification.
+    """Yield all candidate corrections of a policy's specification; no two give the same specification.
 
     Args:
         spec: Specification that may have an error.
         robot: Robot that the policy moves.
-        count: Number of corrected errors. 1: each of COMMON_ERRORS is corrected alone. More than 1: this number of
-            errors in the order of the joints is corrected together, and no other error. This is useful because the
-            joint orders of Isaac Lab and Unitree differ by several errors.
+        count: Number of errors that one correction corrects. 1: each of COMMON_ERRORS is corrected alone. More than 1:
+            this number of errors in the order of the joints is corrected together. This is useful because the joint
+            orders of Isaac Lab and Unitree differ by several errors.
 
     Yields:
         Correction with its penalty.
@@ -33,7 +33,7 @@ def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Corr
 
 
 def second_corrections(first: Correction, robot: Robot) -> Iterator[Correction]:
-    """Yield combinations of a given correction with a second correction, which corrects another error.
+    """Yield combinations of a given correction with a second correction, of another error.
 
     Args:
         first: Given correction.
