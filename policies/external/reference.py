@@ -43,7 +43,7 @@ class PolicyReference:
     """Files and specification of an external policy; `resolve_reference` makes it."""
 
     file: Path
-    """Path of the file in the reference: Python file, network, model, or specification file."""
+    """Path of the policy's file: Python file, network, Stable-Baselines3 model, or specification file."""
     name: str = ""
     """Name of the class or object in a Python file that is the policy; empty for other kinds of files."""
     normaliser: Path | None = None

@@ -91,7 +91,10 @@ def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
 
 
 def send_heartbeat() -> None:
-    """Restart the timeout of the waiting parent. Does nothing outside the subprocess of a policy."""
+    """Send a heartbeat to the parent process, which restarts the timeout with which the parent waits.
+
+    The function does nothing in a process that does not run an external policy.
+    """
     if _parent_connection is not None:
         _parent_connection.send(None)
 
@@ -207,8 +210,8 @@ class PolicyServer:
     def step(self, observation: NDArray[np.float32]) -> PolicyStepResult:
         """Compute the actions for the observations of all robots, (n, k).
 
-        Returns the actions, the failures in this step, and the policy's signals. Robots for which the policy has failed
-        earlier are not computed.
+        Returns the actions, the failures in this step, and the policy's signals. A policy that is called per robot is
+        not called for robots for which it has failed earlier.
         """
         count = len(observation)
         joints = self._robot.num_joints

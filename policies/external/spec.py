@@ -192,8 +192,8 @@ class SpecTerm(_CheckedSpec):
 class PolicySpec(_CheckedSpec):
     """Specification of an external policy: its network, observation, actions and servo gains.
 
-    The modules in `readers` read it from the deployment files of several projects. A `NetworkPolicy` runs the network
-    as the specification describes.
+    The modules in `readers` read specifications from the deployment files of several projects. A `NetworkPolicy` runs
+    the network as its specification describes.
     """
 
     network: Path

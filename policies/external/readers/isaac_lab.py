@@ -112,7 +112,10 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
 
 
 def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
-    """Return the joint targets at zero action, in the order of `joints`, rad; None: the default position."""
+    """Return the joint targets at zero action, in the order of `joints`, rad.
+
+    Returns None if the targets are the default position (setting `use_default_offset`).
+    """
     if action.find("use_default_offset") is True:
         return None
     return action.joint_values("offset", joints, 0.0)
@@ -188,7 +191,7 @@ def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
 def _parse_action_clip(settings: FileSettings) -> Range | None:
     """Return the minimum and maximum to which rsl_rl clips raw network outputs; None: no limits.
 
-    They are in the file `agent.yaml` next to the `env.yaml`.
+    They are read from `agent.yaml`, the settings of the learning algorithm, next to the `env.yaml`.
     """
     file = settings.file.with_name("agent.yaml")
     if not file.is_file():

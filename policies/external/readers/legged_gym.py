@@ -126,7 +126,10 @@ def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm
 
 
 def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[SpecTerm]:
-    """Return a list with the term of the height scan; empty if `terrain.measure_heights` is not True."""
+    """Return a list with the observation term of the height scan, or an empty list.
+
+    The list is empty if the setting `terrain.measure_heights` is not True. `scales` has the scale of the heights.
+    """
     terrain = settings.section("terrain")
     if terrain.find("measure_heights") is not True:
         return []
