@@ -206,9 +206,7 @@ def test_an_option_reaches_what_it_governs(option: str, ran: Ran) -> None:
 
 
 def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
-    """The falls are the same in both runs: first all terms have weight 1, then each term twice
-    the weight of the previous.
-    """
+    """The falls are the same: first all terms have weight 1, then each term has twice the weight of the previous."""
     terms = tuple(field.name for field in dataclasses.fields(RewardWeights))
     found = []
     for weights in (np.ones(len(terms)), 2.0 ** np.arange(len(terms))):

@@ -87,9 +87,7 @@ def quick(monkeypatch):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return the folder with an uninterrupted run, `whole`, and a run that was killed in its
-    third segment, `killed`.
-    """
+    """Return the folder with an uninterrupted run, `whole`, and one that was killed in its third segment, `killed`."""
     folder = tmp_path_factory.mktemp("runs")
     with pytest.MonkeyPatch.context() as patch:
         quicken(patch)

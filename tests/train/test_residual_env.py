@@ -198,9 +198,7 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
 
 
 def test_each_of_several_bases_moves_its_own_robots():
-    """The first robot has one base policy and the others a slower one: each row equals that of
-    its base alone, with resets.
-    """
+    """The first robot has one base policy, the others a slower one: each row equals that of its base alone."""
     slow = replace(searched_parameters(), frequency=1.7)
     mixed = ResidualVectorEnv(robots(4, 12), [(Trot(), 1), (Trot(slow), 3)])
     fast_alone, slow_alone = (ResidualVectorEnv(robots(4, 12), base) for base in (Trot(), Trot(slow)))

@@ -61,7 +61,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> 
 
 @pytest.fixture(scope="module")
 def simulated() -> list[Batch]:
-    """Record the robots that the pipeline simulates."""
+    """Return the list that collects the simulated batches of the pipeline."""
     return []
 
 

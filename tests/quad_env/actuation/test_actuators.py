@@ -17,7 +17,7 @@ SUBSTEP = 0.002
 EVERY_SUBSTEP, EVERY_CONTROL_STEP = 500.0, 100.0
 CURVE = TorqueSpeed(100.0, 10.0)
 HOT = Thermal(resistance=2.0, time_constant=2.0, derated=0.25)
-"""Heats up by 2 K a physics step at standstill."""
+"""Motor that heats up by 2 K per physics step at standstill."""
 
 
 def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | None = None) -> Simulation:
@@ -31,7 +31,7 @@ def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | N
 
 
 def wild(steps: int) -> np.ndarray:
-    """Targets anywhere within the joint limits, (steps, 1, 12), rad."""
+    """Return random targets within the joint limits, (steps, 1, 12), rad."""
     return np.random.default_rng(0).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (steps, 1, 12))
 
 
@@ -40,7 +40,7 @@ def motion(simulation: Simulation) -> np.ndarray:
 
 
 def torque_at(speed: float, target: np.ndarray, actuator: Actuator, motors: Motors | None = None) -> np.ndarray:
-    """Torques of a robot with its joints at their middle, turning at that speed, at the first physics step."""
+    """Return the torques at the first physics step, with the joints in the middle of their range at a given speed."""
     simulation = simulate(actuator, motors=motors)
     simulation.qpos[0, 7:] = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
     simulation.qvel[0, 6:] = speed
@@ -55,11 +55,14 @@ def torque_at(speed: float, target: np.ndarray, actuator: Actuator, motors: Moto
 def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current_limit(
     speed: float, torque: float
 ) -> None:
-    """A positive speed with an upward target drives, a negative one brakes; above 10 rad/s only braking is left."""
+    """A positive speed with an upward target drives, a negative speed brakes.
+
+    Only braking is possible above 10 rad/s.
+    """
     stiff = Simulation(
         SIMPLE_QUAD, Scenario("made"), SimulationConfig(control_rate=EVERY_SUBSTEP)
     ).model.actuator_gainprm[0, 0]
-    assert stiff * 0.5 - 10 * 9 >= 10  # half a radian of error asks for more than the curve gives up to 9 rad/s
+    assert stiff * 0.5 - 10 * 9 >= 10  # an error of 0.5 rad demands more torque than the curve gives up to 9 rad/s
     far = 100 * np.ones(12)
     for sign in (1, -1):
         found = torque_at(sign * speed, sign * far, Actuator(CURVE), None)
@@ -86,7 +89,7 @@ def test_of_two_torque_limits_the_weaker_holds(stall: float, limit: float, weake
     ("parts", "steps"), [({}, 1), ({"curve": CURVE}, 3), ({"curve": CURVE, "bandwidth": 20.0, "thermal": Thermal()}, 7)]
 )
 def test_a_delay_is_exact_in_physics_steps(parts: dict, steps: int) -> None:
-    """A late robot moves as one that is told the same so many steps later, whose targets are home until then."""
+    """A delayed robot equals an undelayed one whose targets come `steps` physics steps later, after the home pose."""
     late, told_late = (
         simulate(Actuator(**parts, delay=steps * SUBSTEP), EVERY_CONTROL_STEP),
         simulate(Actuator(**parts)),
@@ -101,7 +104,7 @@ def test_a_delay_is_exact_in_physics_steps(parts: dict, steps: int) -> None:
 
 
 def received(simulation: Simulation, target: np.ndarray) -> np.ndarray:
-    """The target that the servos of the only robot go by in the next physics step, rad, which it takes."""
+    """Step the simulation, and return the target that its servos used in this physics step, rad."""
     position, speed = simulation.qpos[0, 7:].copy(), simulation.qvel[0, 6:].copy()
     simulation.step(target[None], None)
     return (simulation.torque[0] + 10 * speed) / 300 + position
@@ -113,8 +116,10 @@ def received(simulation: Simulation, target: np.ndarray) -> np.ndarray:
 def test_at_the_bandwidth_a_sine_loses_3_decibels_and_45_degrees(
     curve: TorqueSpeed | None, own: float, of_the_scenario: float | None
 ) -> None:
-    """Of two bandwidths the weaker holds. The filter holds its target for a step, hence the phase of a step and a
-    half: (0 … 1) steps held and read at the start of the step."""
+    """The lower of two bandwidths applies.
+
+    The filter holds its target for a step, which adds the phase of one and a half steps.
+    """
     motors = None if of_the_scenario is None else Motors(bandwidth=of_the_scenario)
     simulation = simulate(Actuator(curve, bandwidth=own), motors=motors)
     angle = 2 * math.pi * 8.0 * SUBSTEP * np.arange(1250)  # 20 periods
@@ -129,7 +134,7 @@ def test_at_the_bandwidth_a_sine_loses_3_decibels_and_45_degrees(
 
 
 def test_windings_heat_at_every_physics_step_by_their_torque() -> None:
-    """First-order response to the recorded torques, summed in closed form; losses are torque² / slope."""
+    """The first-order response to the recorded torques is summed in closed form; losses are torque² / slope."""
     fine, coarse = (simulate(Actuator(CURVE, thermal=Thermal()), rate) for rate in (EVERY_SUBSTEP, EVERY_CONTROL_STEP))
     torques = []
     for target in wild(60):
@@ -146,7 +151,7 @@ def test_windings_heat_at_every_physics_step_by_their_torque() -> None:
 
 
 def test_a_hot_motor_gives_less_then_nothing_until_the_next_episode() -> None:
-    """100 N·m to 100 °C, 25 N·m just below 115 °C, then none."""
+    """The limit is 100 N·m up to 100 °C, 25 N·m just below 115 °C, then zero."""
     simulation = simulate(Actuator(CURVE, thermal=HOT))
     off, torques = np.zeros(12, bool), []
     held = np.concatenate([[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], SIMPLE_QUAD.joint_lower])
@@ -189,7 +194,7 @@ def test_the_trot_walks_on_the_default_motor() -> None:
         ({}, [1.0]),
         ({"delay": 0.006}, [0.4, 0.6]),
         ({"delay": 0.01}, [0.0, 1.0]),
-        # What a lag with 44 % left after a physics step has reached after 0, 1, … of them, less a step late.
+        # Response of a lag, with 44 % left after a physics step, after 0, 1, … steps, minus one step of delay.
         ({"bandwidth": 66.0, "delay": 0.002}, [0.458, 0.529, 0.012]),
     ],
 )

@@ -1,4 +1,4 @@
-"""The hardware profile: what it is, that it reaches the compiled model and the observations, and what excludes it."""
+"""Hardware profile: its definition, its effect on the compiled model and the observations, and incompatible options."""
 
 import gymnasium as gym
 import mujoco
@@ -22,7 +22,7 @@ PER_JOINT = TorqueSpeed((20.0, 30.0, 40.0), (10.0, 20.0, 5.0), (15.0, 30.0, 35.0
 
 
 def limits(curve: TorqueSpeed, torque_limit: float | None = None) -> np.ndarray:
-    """Largest torque of each joint in the compiled model, (12,), N·m."""
+    """Return the largest torque of each joint in the compiled model, (12,), N·m."""
     model = compile_model(SIMPLE_QUAD, Scenario("made", motors=Motors(torque_limit)), Actuator(curve))
     np.testing.assert_array_equal(model.actuator_forcerange[:, 0], -model.actuator_forcerange[:, 1])
     return model.actuator_forcerange[:, 1]
@@ -37,7 +37,7 @@ def test_three_figures_are_those_of_hip_thigh_and_calf_and_twelve_of_every_joint
 
 
 def test_each_joints_torque_lies_on_its_own_line_within_its_own_peak() -> None:
-    """At 4 rad/s, asked for more than all can give: 20 (1 − 0.4), 30 (1 − 0.2) and 40 (1 − 0.8) N·m."""
+    """At 4 rad/s and saturation: 20 (1 − 0.4), 30 (1 − 0.2) and 40 (1 − 0.8) N·m."""
     model = compile_model(SIMPLE_QUAD, Scenario("made"), Actuator(PER_JOINT))
     data = mujoco.MjData(model)
     for speed, wanted in ((4.0, (12.0, 24.0, 8.0)), (0.0, (15.0, 30.0, 35.0)), (-4.0, (15.0, 30.0, 35.0))):
@@ -59,7 +59,7 @@ def test_figures_that_are_none_are_refused_in_a_line(figures: tuple[float, ...],
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])
 def test_the_profile_reaches_the_compiled_model_and_the_observations(make) -> None:
-    """5 ms on the way out are three physics steps of 2 ms."""
+    """5 ms of action delay are three physics steps of 2 ms."""
     env = make(ENV_ID, scenario="push:4+hardware")
     made, (_, infos) = env.unwrapped, env.reset(seed=0)
     model = made.simulation.model
@@ -104,7 +104,7 @@ def test_a_users_robot_has_its_rated_torque_and_speed_whatever_it_is_called() ->
 @NEEDS_MODELS
 @pytest.mark.parametrize("name", CURVES)
 def test_a_named_robot_has_the_motors_that_its_maker_publishes(name: str) -> None:
-    """20.2 N·m at 13.5 rad/s, between the peak of the current and standing without load at 30 rad/s."""
+    """20.2 N·m at 13.5 rad/s is between the peak of the current and the no-load speed of 30 rad/s."""
     env = SimpleQuadEnv(scenario="flat+hardware", robot=name)
     np.testing.assert_array_equal(env.simulation.model.actuator_forcerange[:3, 1], (23.7, 23.7, 35.55))
     line = CURVES[name].resolve(ROBOTS[name])

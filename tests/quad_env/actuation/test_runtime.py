@@ -1,4 +1,6 @@
-"""Delay, drop-outs, lag and heat of some robots of a batch: each robot's own, and only those that move."""
+"""Delay, dropouts, lag and heat of some robots of a batch: each robot has its own state, which
+only its steps change.
+"""
 
 import math
 from dataclasses import replace
@@ -22,7 +24,7 @@ VARIED = replace(LOST, latency=Latency(action=0.01), randomisation=DomainRandomi
 
 
 def delays(scenario: Scenario, seeds: list[int]) -> tuple[ActionDelay, list[EpisodeSample]]:
-    """The way of the targets to the servos of robots that begin the episodes of these seeds."""
+    """Return the action delay of robots at the start of the episodes of some seeds."""
     delay = make_action_delay(SIMPLE_QUAD, scenario, len(seeds), DT)
     assert delay is not None
     episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, DT) for seed in seeds]
@@ -36,7 +38,7 @@ def wild(steps: int, robots: int) -> np.ndarray:
 
 @pytest.mark.parametrize("scenario", [LOST, LATE, VARIED], ids=["lost", "late", "varied"])
 def test_each_robot_of_a_batch_that_moves_in_part_receives_what_it_would_alone(scenario: Scenario) -> None:
-    """Four robots, of which at each step the second and fourth move, or all, or the first alone."""
+    """In turn, the second and the fourth of four robots step, or all, or the first alone."""
     seeds, clock, some = [11, 12, 13, 14], np.zeros(4, np.int64), [[1, 3], [0, 1, 2, 3], [0]]
     together, _ = delays(scenario, seeds)
     alone = [delays(scenario, [seed])[0] for seed in seeds]
@@ -51,7 +53,7 @@ def test_each_robot_of_a_batch_that_moves_in_part_receives_what_it_would_alone(s
             lost += (own[0] == found[row]).any()
             found[row] = own[0]
         clock[rows] += 1
-        np.testing.assert_array_equal(received, found)  # those that do not move keep what they had
+        np.testing.assert_array_equal(received, found)  # robots without a step keep their state
     assert scenario is LATE or lost > 20
 
 
@@ -78,7 +80,7 @@ def test_targets_are_as_late_as_the_scenario_s_delay_and_the_drawn_one_together(
 
 
 def test_targets_of_the_episode_before_never_arrive_in_the_next() -> None:
-    """Two control steps late: a robot that begins again holds the home pose, and the other goes on."""
+    """With a delay of two control steps, the reset robot holds the home pose, and the other one continues."""
     delay, _ = delays(LATE, [1, 2])
     both, targets = np.arange(2), wild(8, 2)
     for step in range(5):
@@ -97,7 +99,7 @@ def test_targets_have_no_way_to_go_where_nothing_delays_them() -> None:
 
 
 def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home() -> None:
-    """Of 1 / (2π) Hz in steps of 0.1 s: 1 - e^-0.1 = 0.0951626 of the way in each, seen a step later."""
+    """1 / (2π) Hz and steps of 0.1 s: 1 - e^-0.1 = 0.0951626 of the distance in each step, visible one step later."""
     lag, share = FirstOrderFilter(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
     targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
     for reached in (0.0, share, share + (1.0 - share) * share):
@@ -110,16 +112,21 @@ def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home(
 
 
 def windings(robots: int = 3) -> tuple[MotorThermalModel, np.ndarray]:
-    """Of 2 K/W and 1 s, in steps of 0.1 s, which derate from 40 °C and switch off at 60 °C; 10 N·m at most."""
+    """Return motors of 2 K/W, 1 s and at most 10 N·m, in steps of 0.1 s.
+
+    They derate from 40 °C and switch off at 60 °C.
+    """
     thermal = Thermal(2.0, 1.0, ambient=20.0, derating=40.0, shutdown=60.0, derated=0.25)
-    line = ResolvedTorqueSpeed(np.full(12, 10.0), np.full(12, 5.0), np.full(12, 10.0))  # a slope of 2 N·m·s/rad
+    line = ResolvedTorqueSpeed(np.full(12, 10.0), np.full(12, 5.0), np.full(12, 10.0))  # slope: 2 N·m·s/rad
     limits = np.tile([-10.0, 10.0], (robots, 12, 1))
     return MotorThermalModel(thermal, line, 0.1, limits), limits
 
 
 def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() -> None:
-    """8 N·m heat by 64 / 2 W towards 20 + 2 · 32 = 84 °C: after a step 84 - 64 e^-0.1 = 26.0904 °C. From 84 - 64 e^-0.4
-    = 41.0995 °C on the share is 0.25 + 0.75 (60 - T) / 20."""
+    """8 N·m heat with 64 / 2 W towards 20 + 2 · 32 = 84 °C: after a step the winding is at 84 - 64 e^-0.1 = 26.0904 °C.
+
+    From 84 - 64 e^-0.4 = 41.0995 °C on, the share is 0.25 + 0.75 (60 - T) / 20.
+    """
     drive, limits = windings()
     torque = np.zeros((2, 12))
     torque[1, 3] = -8.0

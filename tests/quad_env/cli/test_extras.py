@@ -1,4 +1,4 @@
-"""A package that an extra installs and that is missing: one line that names the extra, whatever command wants it."""
+"""A missing package of an extra gives one line that names the extra, in every command."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ import pytest
 from quad_env.cli.program import EXTRAS
 
 WITHOUT = "import os, sys; sys.modules[os.environ['WITHOUT']] = None"
-"""What every Python process runs at its start, those of policies too."""
+"""Code that every Python process runs at its start, including the processes of policies."""
 COMMANDS = [
     ("tensorboard", "train --out {}/run"),
     ("cma", "train search trot --out {}/found.json"),

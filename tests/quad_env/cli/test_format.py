@@ -1,4 +1,4 @@
-"""Figures as people write them."""
+"""Formatted numbers in messages."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_a_figure_within_its_interval_is_shown_within_it() -> None:
 
 @pytest.mark.parametrize("count", [8, 16, 24, 40, 200, 1000])
 def test_percentages_round_halves_away_from_zero(count: int) -> None:
-    """In whole numbers: k of n is ⌊(200 k + n) / 2n⌋ per cent, ±."""
+    """The percentage of k of n is ⌊(200 k + n) / 2n⌋ in integers, with either sign."""
     for k in range(count + 1):
         whole = (200 * k + count) // (2 * count)
         assert number(100.0 * (k / count), 0) == str(whole)

@@ -1,4 +1,4 @@
-"""Ctrl-C: the first is remembered wherever it comes, and stops what looks at it; the second ends the process."""
+"""Ctrl-C: the first one is stored at any time and stops the code that checks for it; the second ends the process."""
 
 import signal
 import subprocess
@@ -30,7 +30,7 @@ with Interrupt() as interrupt:
 
 
 class Finalised:
-    """Ctrl-C comes while it is finalised, where an exception is lost."""
+    """Object that raises Ctrl-C in its finaliser, where exceptions are lost."""
 
     def __del__(self) -> None:
         signal.raise_signal(signal.SIGINT)
@@ -38,7 +38,7 @@ class Finalised:
 
 @pytest.fixture(autouse=True)
 def _listening() -> Iterator[None]:
-    """The tests may be a background job, which ignores Ctrl-C."""
+    """Install the default handler, since a background job ignores Ctrl-C."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

@@ -1,4 +1,4 @@
-"""Limited process for files of others: its answer, its error, or one line in time."""
+"""Limited process for files of others: it returns an answer, an error, or one line within its time."""
 
 import os
 import subprocess
@@ -25,7 +25,7 @@ def fail(words: str) -> None:
 
 
 class Closed(Exception):
-    """It cannot be pickled."""
+    """Object that cannot be pickled."""
 
     def __init__(self) -> None:
         super().__init__("closed")
@@ -149,7 +149,7 @@ def test_where_no_process_can_be_started_it_is_called_here(monkeypatch: pytest.M
 
 @LINUX
 def test_a_starved_process_has_its_time_and_a_sleeping_one_has_not() -> None:
-    """On one core, which others keep busy, a working process gets a small share of it."""
+    """On one core, which others keep busy, a working process gets a small share of the time."""
     core = min(os.sched_getaffinity(0))
     busy = [sys.executable, "-c", f"import os\nos.sched_setaffinity(0, [{core}])\nwhile True: pass"]
     processes = [subprocess.Popen(busy) for _ in range(5)]

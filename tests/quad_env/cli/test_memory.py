@@ -1,4 +1,4 @@
-"""Too little memory is one line, however it shows; what reads alike is not taken for it."""
+"""Insufficient memory gives one line for every kind of error; other errors with similar texts do not."""
 
 import errno
 import os
@@ -35,7 +35,7 @@ def test_how_it_shows(error: Exception) -> None:
 
 
 class Mute(Exception):
-    """Its text cannot be had."""
+    """Exception whose `str` raises."""
 
     def __str__(self) -> str:
         raise KeyError
@@ -51,7 +51,7 @@ def test_what_is_none(error: BaseException) -> None:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory")
 @pytest.mark.parametrize("megabytes", [250, 400])
 def test_an_evaluation_without_memory_ends_in_one_line_and_leaves_nothing(megabytes: int, tmp_path: Path) -> None:
-    """While modules are loaded, where a library ends the process, waits for ever or fails to be mapped."""
+    """During imports, a library may end the process, block, or fail to be mapped."""
     begin = "from evaluate.__main__ import main\nraise SystemExit(launcher.launch(lambda: main({!r})))"
     words = ["trot", "--scenarios", "flat", "--episodes", "2", "--out", str(tmp_path / "out")]
     code = LITTLE.format(megabytes * 10**6, begin.format(words))

@@ -1,4 +1,4 @@
-"""A program of several commands: each is called by its words, and all end alike."""
+"""A program with several commands: each command has its own words, and all report errors equally."""
 
 import errno
 import os
@@ -38,7 +38,7 @@ PROGRAM = Program("python -m thing", COMMANDS, otherwise, {"ablate": "now `pytho
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
-    """A module with the options above whose `main` a test chooses."""
+    """Return a module with the options above and a `main` chosen by the test."""
     module = types.ModuleType("made_up_command", "What it does.")
     module.Options = Options
     module.main = lambda options: print(options.count) or 0

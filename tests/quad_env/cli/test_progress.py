@@ -1,4 +1,4 @@
-"""The time left."""
+"""Remaining time of a run."""
 
 import time
 
@@ -8,7 +8,7 @@ from quad_env.cli.progress import format_duration, show_bar, show_progress, show
 
 
 def test_the_rest_takes_as_long_as_what_this_run_has_done(monkeypatch, capsys) -> None:
-    """Of four cells an earlier run had done one and a half; this run takes 10 s a cell."""
+    """An earlier run completed one and a half of four cells; this run takes 10 s a cell."""
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
     with show_progress(4) as progress:

@@ -1,4 +1,4 @@
-"""Files of the user's that have the name of a package of ours are never run by a command."""
+"""A user's file with the name of a package of the project is never run by a command."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ THEIRS = "from pathlib import Path\nPath('ran').write_text('', encoding='utf-8')
 
 
 def run(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    # Without the tests' own ways to ours: `python -m` begins with the working folder.
+    # The path of the tests is removed: `python -m` starts with the working folder.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONSAFEPATH")}
     command = [sys.executable, "-m", *words.split()]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

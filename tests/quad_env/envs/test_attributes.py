@@ -1,4 +1,4 @@
-"""An attribute of an environment takes effect when it is set, or setting it is refused in one line."""
+"""Setting an attribute of an environment takes effect, or is refused in one line."""
 
 import copy
 import re

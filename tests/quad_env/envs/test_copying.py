@@ -1,4 +1,4 @@
-"""Copies and pickles of environments step to the bits of the original."""
+"""Copies and pickles of environments step to the same bits as the original."""
 
 import copy
 import pickle

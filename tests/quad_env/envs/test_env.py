@@ -1,4 +1,4 @@
-"""The single environment: checkers, worker processes, refusals."""
+"""The single environment: checkers, worker processes, refused arguments."""
 
 import multiprocessing
 import warnings
@@ -48,6 +48,6 @@ def _first_step(_: int) -> list[float]:
 def test_worker_processes_make_it_under_every_start_method(method: str) -> None:
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} on this platform")
-    gym.make_vec("SimpleQuad-v0", num_envs=8, nthread=2).reset(seed=0)  # the parent has threads of its own
+    gym.make_vec("SimpleQuad-v0", num_envs=8, nthread=2).reset(seed=0)  # the parent process has threads
     with multiprocessing.get_context(method).Pool(1) as pool:
         assert pool.apply(_first_step, (0,)) == _first_step(0)

@@ -1,4 +1,4 @@
-"""Fields of the settings of each kind reach the simulated robots."""
+"""Fields of every kind of settings affect the simulated robots."""
 
 import pytest
 
@@ -7,5 +7,5 @@ from tests.quad_env.envs.effects.settings import FIELDS, check
 
 @pytest.mark.parametrize("field", FIELDS)
 def test_a_field_reaches_what_it_governs(field: str) -> None:
-    """Of a robot of a batch; a robot alone has its bits, see `test_same_bits`."""
+    """The robot is one of a batch; a single robot has the same bits, see `test_same_bits`."""
     check(field, FIELDS[field])

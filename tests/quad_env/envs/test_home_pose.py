@@ -1,4 +1,6 @@
-"""Actions about the home pose: what they stand for, in one robot and in a batch, and that a space tells it again."""
+"""Actions relative to the home pose: their targets, for a single robot and for a batch, and
+equal spaces from the wrapper.
+"""
 
 import pickle
 import warnings
@@ -18,7 +20,7 @@ def test_zero_is_the_home_pose_and_one_the_authority_and_more_is_not_more() -> N
     np.testing.assert_allclose(space.targets(np.zeros(12)), HOME, atol=1e-6)
     np.testing.assert_allclose(space.targets(np.full(12, -1.0)), HOME - 0.3, atol=1e-6)
     np.testing.assert_allclose(space.targets(np.full((2, 12), 7.0)), [HOME + 0.3] * 2, atol=1e-6)
-    assert np.isnan(space.targets(np.full(12, np.nan))).all()  # which the environment refuses
+    assert np.isnan(space.targets(np.full(12, np.nan))).all()  # the environment refuses nan
 
 
 @pytest.mark.parametrize("authority", [0.0, np.nan, np.inf, [0.1, 0.2]], ids=str)

@@ -1,4 +1,4 @@
-"""Infos are numbers that other people's buffers, wrappers and batches can hold."""
+"""Infos have types that buffers, wrappers and batches of other projects support."""
 
 from typing import Any
 
@@ -13,11 +13,11 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 LOW = np.tile(np.float32([0, -1.5, 0]), 4)
-"""Joint targets that let the trunk down to the ground, rad."""
+"""Joint targets that lower the trunk to the ground, rad."""
 
 
 def fallen(**options: Any) -> tuple[SimpleQuadVectorEnv, list[dict[str, Any]]]:
-    """A batch of which robot 0 has just fallen and robot 1 has not, and its infos so far."""
+    """Return a batch in which only robot 0 has just fallen, and its previous infos."""
     env = SimpleQuadVectorEnv(2, **options)
     infos = [env.reset(seed=0)[1]]
     while not infos[-1]["fall"][0] and "final_info" not in infos[-1]:
@@ -49,7 +49,7 @@ def test_infos_of_one_robot_are_numbers_or_arrays_of_numbers() -> None:
     env = SimpleQuadEnv(sensors="typical")
     for info in (env.reset(seed=0)[1], env.step(HOME)[4]):
         for key, value in info.items():
-            assert isinstance(value, np.generic | np.ndarray), key  # TorchRL asks for a dtype
+            assert isinstance(value, np.generic | np.ndarray), key  # TorchRL requires a dtype
             assert value.dtype.kind in "fib", key
 
 
@@ -74,5 +74,5 @@ def test_gymnasiums_own_batch_of_single_environments_has_the_infos_of_the_native
 
     batches = SyncVectorEnv([lambda: SimpleQuadEnv(sensors="ideal")] * 2), SimpleQuadVectorEnv(2, sensors="ideal")
     same(*(batch.reset(seed=3)[1] for batch in batches))
-    for _ in range(80):  # robot 0 falls, and starts again
+    for _ in range(80):  # robot 0 falls and is reset
         same(*(batch.step(np.array([LOW, HOME]))[4] for batch in batches))

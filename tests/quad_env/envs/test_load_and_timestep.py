@@ -1,4 +1,4 @@
-"""Loads, biases and time steps are in the model and the motion as physics has them."""
+"""Payloads, biases and time steps have their physical effects on the model and the motion."""
 
 import copy
 import math
@@ -21,7 +21,7 @@ def test_an_accelerometer_with_a_bias_says_where_down_is_at_first() -> None:
 
 
 def test_drives_go_by_the_timestep() -> None:
-    """Motors with a curve see the value of their lag at the start of each physics step."""
+    """Motors with a curve use the value of their lag at the start of each physics step."""
     finer, straight = {"config": TaskConfig(400.0, 0.0025)}, quad_env.TorqueSpeed()
     lagging = Robot(False, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
     share = 1 - math.exp(-0.0025 * 2 * math.pi * 5.0)
@@ -32,7 +32,7 @@ def test_drives_go_by_the_timestep() -> None:
 
 
 def test_the_model_of_a_single_environment_carries_the_load_of_its_episode() -> None:
-    """Without a look at its data, which would bring the model up to date."""
+    """The test does not read the data, which would update the model."""
     robot = Robot(alone=True, **scene(payload=quad_env.Payload()))
     np.testing.assert_allclose(robot.base.model.body("payload").pos, loaded()[1:4])
 

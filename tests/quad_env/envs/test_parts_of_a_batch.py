@@ -1,4 +1,4 @@
-"""Robots that go on while others of their batch have ended, or begin again, are what they would be alone."""
+"""Robots that continue while others of their batch have ended, or are reset, equal robots that are alone."""
 
 from dataclasses import replace
 from typing import Any
@@ -41,7 +41,7 @@ def actions(step: int, robots: int) -> np.ndarray:
 
 
 def seen(step: Any, robot: int) -> dict[str, np.ndarray]:
-    """Return the infos of that robot in a step."""
+    """Return the infos of a robot in a step."""
     observation, rewards, terminated, truncated, infos = step
     told = {"observation": observation, "rewards": rewards, "terminated": terminated, "truncated": truncated}
     return {name: np.asarray(values)[robot].copy() for name, values in (told | infos).items()}
@@ -55,7 +55,10 @@ def assert_alike(found: dict[str, np.ndarray], expected: dict[str, np.ndarray], 
 
 @pytest.mark.parametrize("name", OPTIONS)
 def test_each_robot_of_a_batch_is_the_one_that_it_would_be_alone_whatever_becomes_of_the_others(name: str) -> None:
-    """The first and third of four are on their backs after step 9, when new commands come; the third begins again."""
+    """The first and third of four robots are upside down after step 9, when commands change.
+
+    The third robot is reset.
+    """
     together, seeds = env_of(4, **OPTIONS[name]), [11, 12, 13, 14]
     alone = {robot: env_of(1, **OPTIONS[name]) for robot in (1, 2, 3)}
     together.reset(seed=seeds)
@@ -93,7 +96,7 @@ def seen_of_nothing(before: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("name", OPTIONS)
 def test_an_episode_is_the_same_whatever_came_before(name: str) -> None:
-    """After half an episode of another seed, in which the robot was pushed and its motors grew warm."""
+    """In half an episode of another seed, the robot was pushed and its motors became warm."""
     used, fresh = env_of(2, **OPTIONS[name]), env_of(2, **OPTIONS[name])
     used.reset(seed=5)
     for step in range(15):

@@ -1,4 +1,4 @@
-"""Frames: what they show, on which machines, and mistakes in asking for them."""
+"""Frames: their content, supported machines, and invalid arguments."""
 
 import os
 import shutil
@@ -68,7 +68,7 @@ print("MUJOCO_GL" in os.environ, env.render().std() > 0, mujoco.Renderer(env.unw
 
 @pytest.mark.rendering
 def test_frames_need_no_display_and_no_variable_even_where_mujoco_was_imported_first() -> None:
-    """A backend is chosen with the first frame."""
+    """The first frame chooses the backend."""
     if os.environ.get("MUJOCO_GL") != "egl":
         pytest.skip("no EGL here")
     bare = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")}
@@ -77,7 +77,7 @@ def test_frames_need_no_display_and_no_variable_even_where_mujoco_was_imported_f
 
 
 def test_a_display_and_a_choice_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there is a display, MuJoCo's own choice stands."""
+    """With a display, MuJoCo's own choice applies."""
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv("DISPLAY", ":0")
     rendering.select_backend()

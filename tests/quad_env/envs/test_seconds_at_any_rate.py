@@ -1,4 +1,4 @@
-"""Seconds and hertz of the settings are the same at any control rate."""
+"""Settings in seconds and hertz keep their meaning at any control rate."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Servo gains of an environment: for all robots alike, for each joint, for each robot of a batch."""
+"""Servo gains of an environment: equal for all joints, for each joint, for each robot of a batch."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ SEED, STEPS = 5, 20
 
 
 def walk(env: Any, rows: int | None) -> np.ndarray:
-    """Observations of some steps of one target; those of a batch's robots next to each other."""
+    """Return the observations of several steps with one target, for a single robot or a batch."""
     seen = [env.reset(seed=SEED if rows is None else [SEED] * rows)[0]]
     target = (SIMPLE_QUAD.home_pose + 0.2).astype(np.float32)
     targets = target if rows is None else np.tile(target, (rows, 1))
@@ -42,7 +42,7 @@ def test_the_robot_s_own_gains_given_again_change_no_bit() -> None:
 
 
 def test_gains_alike_have_the_same_bits_in_a_batch_of_any_size() -> None:
-    servo = (191.15172, 5.368910073734236)  # whose mean over three robots is rounded
+    servo = (191.15172, 5.368910073734236)  # the mean over three robots is rounded
     robots = [gym.make_vec(quad_env.ENV_ID, num_envs=count, servo=servo).unwrapped.robot for count in (1, 3, 7)]
     assert {robot.servo_damping.tobytes() for robot in robots} == {np.full(12, servo[1]).tobytes()}
 

@@ -1,4 +1,4 @@
-"""Specifications: an environment's `spec` makes the same environment again, through JSON and pickle too."""
+"""The `spec` of an environment makes an equal environment, also through JSON and pickle."""
 
 import json
 import pickle
@@ -69,6 +69,6 @@ def test_a_specification_from_before_there_was_a_term_of_the_feet_is_read_with_i
 
 
 def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
-    """Gymnasium's JSON holds the fields of a setting and not its type."""
+    """Gymnasium's JSON contains the fields of a setting and not its type."""
     kinds = serialisation._TYPE_BY_NAME.values()
     assert len({frozenset(field.name for field in fields(kind)) for kind in kinds}) == len(kinds)

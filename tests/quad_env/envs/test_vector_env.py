@@ -1,4 +1,4 @@
-"""The batch keeps the contract: autoreset modes, seeds, commands, falls, divergence, errors."""
+"""The batch follows the vector API: autoreset modes, seeds, commands, falls, divergence, errors."""
 
 import os
 import re
@@ -95,7 +95,7 @@ def test_episode_k_after_a_seed_does_not_depend_on_how_long_the_earlier_ones_wer
 
 
 OFTEN = replace(CALM, commands=quad_env.CommandRanges(interval=0.05))
-"""Commands that last five control steps."""
+"""Scenario with commands that last five control steps."""
 
 
 def test_a_given_command_holds_for_the_episode_and_the_next_one_draws_again() -> None:
@@ -142,7 +142,9 @@ def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action
 
 
 def test_same_step_mode_tells_the_end_of_the_robot_that_ended_and_the_start_of_its_next_episode() -> None:
-    """Of two: masks say whose end it is, what was earned stands with the end, and the other's step is as it was."""
+    """One of two robots ends: masks identify it, the infos of its end have its return, and the
+    other's step is unchanged.
+    """
     env, twin = make(2, autoreset_mode="SameStep", readings=True), make(2, autoreset_mode="Disabled", readings=True)
     for each in (env, twin):
         each.reset(seed=0)
@@ -228,7 +230,7 @@ def test_divergence_ends_the_episode_with_finite_readings_and_leaves_the_others_
     assert np.isfinite(reward).all()
     assert np.isfinite(info["heading_velocity"]).all()
     assert (observation[1] == expected[0][1]).all()
-    assert not env.step(action)[4]["diverged"].any()  # restarted
+    assert not env.step(action)[4]["diverged"].any()  # after a reset
     assert not env.step(action)[2].any()
 
 
@@ -264,7 +266,7 @@ def test_a_command_steered_by_is_followed_from_the_next_step_to_the_next_reset()
     env = make(2, scenario=OFTEN)
     env.reset(seed=0)
     env.steer([(0.5, -0.1, 0.2), (0.3, 0.0, 0.0)])
-    for _ in range(12):  # longer than a command of the scenario's lasts
+    for _ in range(12):  # longer than a command of the scenario
         observation, *_, infos = env.step(np.tile(HOME, (2, 1)))
     assert infos["command"].tolist() == [[0.5, -0.1, 0.2], [0.3, 0.0, 0.0]]
     assert np.allclose(observation[:, 45:48], infos["command"])

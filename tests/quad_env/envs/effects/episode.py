@@ -1,4 +1,4 @@
-"""Readings of an episode, start, forces, targets, commands and falls, with the values that its random streams give."""
+"""Readings of an episode: start, forces, targets, commands and falls, with the values of its random streams."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ UNITS = streams().start.uniform(-1, 1, 35)
 
 
 def start(robot: Robot) -> np.ndarray:
-    """Where it starts, in the order of the draws: place, yaw, roll, pitch, joints, velocities."""
+    """Return the initial state in the order of the draws: position, yaw, roll, pitch, joints, velocities."""
     now = robot.now
     turn = now.body("base_link").xmat.reshape(3, 3)
     angles = np.arctan2(turn[1, 0], turn[0, 0]), np.arctan2(turn[2, 1], turn[2, 2]), -np.arcsin(turn[2, 0])
@@ -21,7 +21,7 @@ def start(robot: Robot) -> np.ndarray:
 
 
 def drawn(first: int, count: int, width: float) -> Effect:
-    """These parts of the start are drawn, half as wide as that, and no others change."""
+    """Return the effect of a width on `count` values of the start; the other values stay unchanged."""
     drawn = np.isin(np.arange(35), np.arange(first, first + count))
     return Effect(width, start, lambda before: np.where(drawn, width * UNITS, before))
 
@@ -39,7 +39,9 @@ WIND = np.array((*blown(12.0), 0.0, 0.0, 0.0, 0.0))
 
 
 def pushed(count: int, first: int, steps: int) -> np.ndarray:
-    """Forces of the wind and of pushes of 35 N·s that fill their windows, in the directions of the streams."""
+    """Return the forces of the wind and of pushes of 35 N·s that fill their windows, with
+    directions from the streams.
+    """
     stream, out = streams().pushes, np.zeros((STEPS + 1, 6)) + WIND
     stream.uniform(size=count)
     for number, angle in enumerate(stream.uniform(-np.pi, np.pi, count)):
@@ -49,17 +51,17 @@ def pushed(count: int, first: int, steps: int) -> np.ndarray:
 
 
 def received(robot: Robot) -> np.ndarray:
-    """Targets that the servos go by, and the action that is shown."""
+    """Return the targets of the servos and the previous action of the observation."""
     return np.array((robot.now.ctrl, HOME + robot.seen[OBSERVATION["previous_action"]]))
 
 
 def arrived(late: int) -> np.ndarray:
-    """Targets that come so many control steps late; what is shown is what was asked for."""
+    """Return targets that arrive `late` control steps late; the observation has the undelayed action."""
     return np.stack((np.vstack(([HOME] * (1 + late), WAVES[: STEPS - late])), np.vstack((HOME, WAVES))), axis=1)
 
 
 def held(count: int, first: int, steps: int) -> np.ndarray:
-    """Targets in dropouts that fill their windows: a joint that gets none holds its last."""
+    """Return targets in dropouts that fill their windows; a joint without a target holds its last one."""
     stream, out = streams().dropouts, arrived(0)
     stream.uniform(size=count)
     for number, joint in enumerate(stream.integers(12, size=count)):
@@ -69,12 +71,12 @@ def held(count: int, first: int, steps: int) -> np.ndarray:
 
 
 def command(robot: Robot) -> np.ndarray:
-    """That to follow next, which is shown, and that of the step taken."""
+    """Return the next command, as in the observation, and the command of the last step."""
     return np.array([robot.seen[OBSERVATION["command"]], robot.infos["command"]])
 
 
 def commanded(interval: int = 2, zero: float = 0.0, **ranges: tuple[float, float]) -> np.ndarray:
-    """What is drawn in turn, each for so many steps."""
+    """Return the drawn commands, each for `interval` steps."""
     own = replace(STRAIGHT, **ranges)
     low, high = np.transpose((own.forward, own.lateral, own.yaw_rate))
     draws = streams().commands.random((STEPS, 4))[np.arange(STEPS + 1) // interval]

@@ -1,4 +1,4 @@
-"""Readings of servos, motors, masses and loads, with the values that the randomisation draws."""
+"""Readings of servos, motors, masses and payloads, with the values that the randomisation draws."""
 
 import math
 from typing import Any
@@ -11,13 +11,13 @@ from tests.quad_env.envs.effects.robot import DT, FAR, HOME, Effect, Robot, afte
 
 
 def servo_targets(robot: Robot) -> np.ndarray:
-    """Targets that the servos go by, from their torques, less the home pose."""
+    """Return the targets of the servos, computed from their torques, relative to the home pose."""
     now = robot.now
     return np.array((now.actuator_force + 10 * now.qvel[6:]) / 300 + now.qpos[7:] - HOME)
 
 
 def servo_gains(robot: Robot) -> np.ndarray:
-    """Stiffness and damping of each servo, by the torques of two targets and two speeds."""
+    """Return the stiffness and damping of each servo, from the torques at two targets and two speeds."""
     model, now = robot.model, robot.now
     torques = []
     for target, speed in ((0.0, 0.0), (0.1, 0.0), (0.0, 0.1)):
@@ -28,7 +28,7 @@ def servo_gains(robot: Robot) -> np.ndarray:
 
 
 def lagging(bandwidth: float) -> Effect:
-    """A tenth of a radian is asked for."""
+    """Return the effect of a bandwidth on a target of 0.1 rad."""
     share = 1 - math.exp(-DT * 2 * math.pi * bandwidth)
     return Effect(bandwidth, after(servo_targets, tuple(HOME + 0.1)), np.full(12, 0.1 * share))
 
@@ -38,25 +38,25 @@ def largest_torque(robot: Robot) -> float:
 
 
 def weight(robot: Robot) -> float:
-    """What holds a robot at rest, kg."""
+    """Return the weight of the robot, kg, from the bias force."""
     return float(robot.now.qfrc_bias[2]) / 9.81
 
 
 def grip(robot: Robot) -> float:
-    """The friction of its feet on the ground."""
-    now = robot.now  # first: then the model is its own
+    """Return the friction coefficient of the feet on the ground."""
+    now = robot.now  # first, since it sets the robot's own model
     (found,) = {float(contact.friction[0]) for contact in now.contact[: now.ncon]}
     return found
 
 
 def centre_of_mass(robot: Robot) -> np.ndarray:
-    """Of the trunk, along its axes."""
+    """Return the centre of mass of the trunk, trunk axes."""
     now, trunk = robot.now, robot.model.body("base_link").id
     return (now.xipos[trunk] - now.xpos[trunk]) @ now.xmat[trunk].reshape(3, 3)
 
 
 def far_torques(robot: Robot) -> np.ndarray:
-    """Largest torques, where the targets are out of reach."""
+    """Return the torques at unreachable targets, N·m."""
     model, now = robot.model, robot.now
     now.ctrl[:] = FAR
     mujoco.mj_forward(model, now)
@@ -66,11 +66,11 @@ def far_torques(robot: Robot) -> np.ndarray:
 NUMBERS = streams().randomisation
 FRICTION, MASS, DELAY, *CENTRE = NUMBERS.uniform(-1, 1, 6)
 STIFFNESS, DAMPING, STRENGTH, OFFSET = NUMBERS.uniform(-1, 1, (4, 12))
-"""Of what is randomised."""
+"""Drawn values of the randomisation."""
 
 
 def load(robot: Robot) -> list[float]:
-    """Mass of a payload, its place on the trunk, that of the cube that is drawn, and its moment of inertia."""
+    """Return mass, position in the trunk and drawn position of a payload, and its moment of inertia."""
     now, trunk = robot.now, robot.model.body("base_link").id
     places = np.array((now.body("payload").xipos, now.geom("payload").xpos)) - now.xpos[trunk]
     mass = robot.model.body_subtreemass[trunk] - SIMPLE_QUAD.mass

@@ -1,4 +1,4 @@
-"""A robot alone or of a batch, and the effect of a value on a reading of it."""
+"""A single robot or one of a batch, and the effect of an option on a reading of it."""
 
 import dataclasses
 from collections.abc import Callable
@@ -14,9 +14,9 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import EpisodeStreams
 
 SEED, STEPS, DT = 5, 12, 0.01
-"""Of the robot that is looked at. Control steps of a series. Period, s."""
+"""Seed of the tested robot, number of control steps of a series, and control period, s."""
 HOME, FAR = SIMPLE_QUAD.home_pose, tuple(SIMPLE_QUAD.joint_upper)
-"""FAR is out of reach of every servo for some steps."""
+"""FAR is unreachable for every servo for several steps."""
 WAVES = HOME + np.random.default_rng(0).uniform(-0.15, 0.15, (STEPS, 12))
 CALM = quad_env.StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 IDEAL = quad_env.SENSORS["ideal"]
@@ -25,9 +25,9 @@ SCAN = quad_env.HeightScan(ahead=1, behind=0, aside=1)
 
 
 class Robot:
-    """A robot alone, or the second of a batch, whose others are asked for something else and are steps ahead of it.
+    """A single robot, or the second robot of a batch whose other robots have other actions and are ahead in time.
 
-    It has moved in an episode before, of which nothing is to be left.
+    It has moved in a previous episode, which must have no effect.
     """
 
     def __init__(self, alone: bool, reset: Any = None, **options: Any) -> None:
@@ -52,12 +52,12 @@ class Robot:
         self.infos = {key: self.own(value) for key, value in infos.items() if not isinstance(value, dict)}
 
     def own(self, value: Any) -> Any:
-        """Of something that a batch has for each robot."""
+        """Return the value of this robot from a value of the batch."""
         return value if self.alone else value[self.row]
 
     @property
     def now(self) -> Any:
-        """Its simulation; the model, too, is its own from here on."""
+        """Return the simulation of this robot; the model is its own from now on."""
         return self.base.simulation.snapshot(self.row)
 
     @property
@@ -70,18 +70,18 @@ Reading = Callable[[Robot], Any]
 
 @dataclass(frozen=True)
 class Effect:
-    """What a value is for: with it the reading, which was another, is what is expected, `within` so much of it."""
+    """Effect of an option: its value changes a reading to the expected one, with a tolerance `within`."""
 
     value: Any
     reading: Reading
     expected: Any
-    """Or a function from what the reading is at the usual value."""
+    """Expected reading, or a function from the reading at the default value to it."""
     given: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """Arguments without which the value means nothing."""
+    """Other arguments that the effect requires."""
     within: float = 1e-5
 
     def of(self, alone: bool, options: dict[str, Any]) -> Any:
-        """The reading of a robot that is made with these arguments."""
+        """Return the reading of a robot that is made with the given options."""
         return self.reading(Robot(alone, **self.given | options))
 
     def check(self, before: Any, after: Any) -> None:
@@ -99,7 +99,7 @@ def same(found: Any, expected: Any, within: float) -> bool:
 
 @cache
 def series(read: Reading) -> Reading:
-    """A reading after the reset and after each step of a robot that waves its legs."""
+    """Return a reading after the reset and after each step of a robot that moves its legs."""
 
     def step(robot: Robot, action: np.ndarray) -> Any:
         robot.step(action)
@@ -110,7 +110,7 @@ def series(read: Reading) -> Reading:
 
 @cache
 def after(read: Reading, action: tuple[float, ...] = tuple(HOME), steps: int = 1) -> Reading:
-    """A reading after so many steps towards that."""
+    """Return a reading after `steps` steps with an action."""
     return lambda robot: [*(robot.step(np.array(action)) for _ in range(steps)), read(robot)][-1]
 
 
@@ -119,7 +119,7 @@ def scene(**parts: Any) -> dict[str, Any]:
 
 
 def part(name: str) -> Callable[[Any], dict[str, Any]]:
-    """The arguments that hand over this part of a scenario."""
+    """Return a function from settings to the arguments that pass them as a part of a scenario."""
     return lambda settings: scene(**{name: settings})
 
 

@@ -1,4 +1,4 @@
-"""Readings of sensors and observations, with the noise and bias that the random streams give."""
+"""Readings of sensors and observations, with the noise and bias of the random streams."""
 
 from functools import cache
 from typing import Any
@@ -10,10 +10,10 @@ from quad_env import OBSERVATION, OBSERVATION_SIZE
 from tests.quad_env.envs.effects.robot import STEPS, Effect, Reading, Robot, series, streams
 
 LATE, SLOW = np.maximum(np.arange(STEPS + 1) - 3, 0), np.arange(STEPS + 1) // 2 * 2
-"""Which samples are seen that are three control steps late, or of which there is one in two control steps."""
+"""Indices of the visible samples: with a delay of three control steps, and with one sample per two control steps."""
 PLACES = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "joint_position": slice(6, 18)}
 PLACES |= {"foot_contact": slice(18, 22), "joint_torque": slice(22, 34)}
-"""Of the draws for each sensor."""
+"""Slice of the draws for each sensor."""
 
 
 def white(stream: np.random.Generator, skipped: int, width: int) -> np.ndarray:
@@ -38,7 +38,7 @@ def sensor(name: str) -> Reading:
 
 
 def off(name: str, by: float) -> Effect:
-    """A sensor whose bias is drawn with that deviation."""
+    """Return the effect of a bias with a standard deviation."""
     return Effect(by, series(sensor(name)), lambda before: before + by * BIAS[PLACES[name]])
 
 
@@ -51,12 +51,12 @@ def cut(name: str, to: float) -> Effect:
 
 
 def made_out(robot: Robot) -> bool:
-    """Whether some bias is taken off what the gyroscope reads."""
+    """Return True if the gyroscope's reading is corrected by a bias."""
     return bool((robot.seen[OBSERVATION["angular_velocity"]] != np.float32(robot.infos["sensor_gyro"])).any())
 
 
 def seen_from_the_side(robot: Robot) -> bool:
-    """Whether the frame is that of the camera beside the robot."""
+    """Return True if the frame equals the picture of the camera beside the robot."""
     with mujoco.Renderer(robot.base.model, 48, 64) as renderer:
         renderer.update_scene(robot.base.data, "side")
         return bool(np.array_equal(robot.env.render(), renderer.render()))
@@ -78,12 +78,12 @@ def sensed(robot: Robot) -> Any:
 
 
 def sensed_late(before: np.ndarray) -> np.ndarray:
-    """A late observation: its command and the action, as asked for, are not late."""
+    """Return a delayed observation; the command and the previous action are undelayed."""
     return np.hstack((before[LATE, :SENSED], before[:, SENSED:]))
 
 
 DEVIATIONS = np.repeat([0.25, 1.0, 0.5, 0.05, 7.5], [3, 3, 3, 12, 12])
-"""Of the terms that are sensed, by the gyroscope's."""
+"""Standard deviations of the sensed terms, relative to the gyroscope's."""
 BOUND = np.repeat([1.0, 100.0], [3, 30])
 
 

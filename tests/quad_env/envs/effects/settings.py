@@ -102,7 +102,7 @@ USUAL: dict[type, Usual] = {
     quad_env.HeightScan: (SCAN, lambda settings: scene() | {"height_scan": settings}),
     quad_env.Actuator: (quad_env.Actuator(), lambda settings: scene() | {"actuator": settings}),
 }
-"""The settings of which one field is changed, and the arguments that hand them over."""
+"""Type of settings -> the settings of which one field is changed, and the arguments that pass them."""
 FIELDS = {
     "TaskConfig.control_rate": Effect(
         50.0, after(lambda robot: [robot.now.time, robot.env.metadata["render_fps"]]), [0.02, 50]
@@ -175,7 +175,7 @@ FIELDS = {
     "Actuator.delay": Effect(0.02, series(servo_targets), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
 }
 FIVE = np.array([False] + [True] * 5 + [False] * (STEPS - 5))
-"""Steps of what happens in the first tenth of a second."""
+"""True in the steps of an event in the first tenth of a second."""
 AT_50_HZ = [
     ("CommandRanges.interval", Effect(0.06, series(command), commanded(interval=3))),
     ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*(force(robot) - WIND)[:2])), 350.0 * FIVE)),
@@ -189,9 +189,9 @@ AT_50_HZ = [
     ("HeightScan.rate", slow(scan, 25.0)),
     ("HeightScan.delay", late(scan, 0.06)),
 ]
-"""Whatever is said in seconds or hertz, in control steps of 20 ms."""
+"""Effects of settings in seconds or hertz, in control steps of 20 ms."""
 BEFORE: dict[Any, Any] = {}
-"""Readings at the usual values."""
+"""Readings at the default values."""
 
 
 def check(field: str, effect: Effect) -> None:
