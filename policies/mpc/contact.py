@@ -99,8 +99,8 @@ class ContactEstimator(PerRobotState):
     wrench: Floats = per_robot(np.zeros(6))
     """Low-pass filtered external wrench on the trunk of each robot, (n, 6); it includes the weight of a load.
 
-    The first three numbers are the force, level frame, N; the others are the moment about the trunk centre, base frame,
-    N·m."""
+    The first three numbers are the force, level frame, N. The last three are the moment about the trunk centre, base
+    frame, N·m."""
     friction_estimate: Floats = per_robot()
     """Estimated friction coefficient between the feet and the ground, one number per robot, (n,).
 
@@ -256,10 +256,10 @@ class ContactEstimator(PerRobotState):
         """Update the friction estimate: it falls when feet slide and slowly returns to `friction` afterwards.
 
         The friction coefficient of a sliding foot is its horizontal force divided by its vertical force. A foot counts
-        as sliding if it moves and is still loaded one control step later, because a foot that lifts off is no longer
-        loaded then. It must slide in two consecutive control steps, because a foot that lands slides for a moment.
-        `forces`: forces on the feet, level frame, (n, 4, 3), N; `velocity`: foot velocities, level frame, (n, 4, 3),
-        m/s.
+        as sliding if it moves and is still loaded one control step later. A foot that lifts off also moves, but it is
+        no longer loaded one step later. A foot must slide in two consecutive control steps, because a foot that lands
+        slides for a moment. `forces`: forces on the feet, level frame, (n, 4, 3), N; `velocity`: foot velocities, level
+        frame, (n, 4, 3), m/s.
         """
         p = self._parameters
         c = CONSTANTS

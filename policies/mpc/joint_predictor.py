@@ -20,9 +20,9 @@ With a gain of 100, the corrected speed would remove the error of the angle with
 class JointPredictor(PerRobotState):
     """Predicts the present joint angles and speeds of n robots from encoder readings that are `delay_steps` old.
 
-    The prediction is needed because an encoder angle that is one control step old differs from the present angle by the
-    joint speed times 10 ms. A controller that inverts the servo law would turn this error into a torque error, which is
-    9 N·m in a trot.
+    An encoder angle that is one control step old differs from the present angle by the joint speed times 10 ms. The
+    prediction is needed because a controller that inverts the servo law would turn this error into a torque error. In a
+    trot, the torque error would be 9 N·m.
 
     The predictor assumes that the joints follow the planned accelerations. It integrates these accelerations from the
     time of the reading to the present. The predicted angle for the time of a reading is compared with the reading, and

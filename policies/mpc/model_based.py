@@ -76,12 +76,12 @@ class ControlState(NamedTuple):
     disturbance_wrench: Floats
     """External wrench on the trunk of each robot minus the weight of the load, (n, 6).
 
-    The first three numbers are the force, level frame, N; the others are the moment about the trunk centre, base frame,
-    N·m."""
+    The first three numbers are the force, level frame, N. The last three are the moment about the trunk centre, base
+    frame, N·m."""
     disturbance_acceleration: Floats
     """Acceleration that the external wrench causes, except for the weight of the load, level frame, (n, 6).
 
-    The first three numbers are the linear acceleration, m/s², and the others the angular acceleration, rad/s²."""
+    The first three numbers are the linear acceleration, m/s². The last three are the angular acceleration, rad/s²."""
     friction: Friction
     """Bounds of the contact forces: friction coefficient and largest vertical force on a foot of each robot."""
 
@@ -109,7 +109,7 @@ class StanceForces(NamedTuple):
     failed: Mask
     """True for robots that needed a new force plan but kept the old one, (n,).
 
-    The reason is that the quadratic program of the MPC has no solution for them."""
+    They keep the old plan because the quadratic program of the MPC has no solution for them."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:

@@ -139,8 +139,8 @@ class PointLoad(NamedTuple):
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
     """Estimate the load on the trunk of each robot from the low-pass filtered external wrench.
 
-    The downward force is taken as the weight of the load. The roll moment divided by the weight gives the lateral
-    position of the load, and the pitch moment divided by the weight gives the forward position.
+    The downward force is taken as the weight of the load. The lateral position of the load is the roll moment divided
+    by the weight. The forward position is the pitch moment divided by the weight.
 
     Args:
         wrench: External wrench on the trunk, (n, 6): force, level frame, N, then moment, base frame, N·m.
@@ -163,8 +163,8 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     """Add the loads on the trunks to the dynamics terms of the robots.
 
     A load of mass m adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force. J is the Jacobian of the load
-    position, a the acceleration of the load at zero generalised acceleration, and g the acceleration of gravity, upward
-    and positive.
+    position, and a the acceleration of the load at zero generalised acceleration. g is the vector of the acceleration
+    of gravity with its sign reversed, so that it points upward.
 
     Args:
         motion: State of n robots, with the dynamics of the robots alone.

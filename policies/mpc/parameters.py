@@ -43,8 +43,8 @@ class ModelParameters(Parameters):
     position_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/s")
     """Gain of the position feedback, 1/s.
 
-    The feedback adds to the velocity command this gain times the position error, m, and to the yaw-rate command this
-    gain times the yaw error, rad."""
+    The feedback adds this gain times the position error, m, to the velocity command. It also adds this gain times the
+    yaw error, rad, to the yaw-rate command."""
     farthest_behind: float = parameter(0.6, limits=(0.0, 100.0), search=(0.1, 3.0), unit="m")
     """Bound of the forward and lateral position error in the position feedback, m; also of the yaw error, rad.
 

@@ -1,8 +1,8 @@
 """Force plans of the robots: contact forces over the prediction horizon of the MPC, and the age of each plan.
 
 A robot applies the forces of its plan until the plan is replaced by a new one. The age of the plan gives the present
-step of the horizon. If other feet are in stance than planned, the total wrench of the planned forces about the centre
-of mass is distributed over the feet that are in stance.
+step of the horizon. If other feet are in stance than planned, the wrench of the planned forces about the centre of mass
+is distributed over the actual stance feet.
 """
 
 import numpy as np

@@ -29,7 +29,7 @@ from quad_env.physics.rotations import skew
 LEGS = 4
 """Number of legs of a robot."""
 MAX_GROUP_SIZE = 32
-"""Largest number of robots with quadratic programs that are assembled in one batch.
+"""Largest number of robots in one batch of quadratic programs.
 
 It is limited so that the matrices of a batch fit into a processor cache."""
 _EYE = np.eye(3)
@@ -74,15 +74,17 @@ class MpcWeights(NamedTuple):
 
 
 class MpcReference(NamedTuple):
-    """Trajectory of n bodies over the MPC horizon: pose and rate after each of the N steps.
+    """Trajectory of n bodies over the MPC horizon: angles, positions and velocities after each of the N steps.
 
     It is the reference that the MPC tracks, or a predicted trajectory.
     """
 
     pose: Floats
-    """Pose after each of the N steps, level frame, (n, N, 6): roll, pitch, yaw, rad, then position x, y, z, m."""
+    """Pose of each body after each of the N steps of the horizon, level frame, (n, N, 6).
+
+    The numbers are roll, pitch and yaw, rad, then the position x, y, z, m."""
     rate: Floats
-    """Rate after each of the N steps, level frame, (n, N, 6): angular velocity, rad/s, then velocity, m/s.
+    """Velocities after each of the N steps, level frame, (n, N, 6): angular velocity, rad/s, then velocity, m/s.
 
     The shape (n, 1, 6) stands for a constant rate."""
 
@@ -137,8 +139,9 @@ class CondensedMpc:
     def _cost_root(self, pose_weight: float, rate_weight: float) -> Floats:
         """Return the matrix square root R, (N, N), of the cost of the accelerations along one axis.
 
-        The cost of the accelerations a in the N steps of the horizon is |R a|². `pose_weight` and `rate_weight` are the
-        weights of the squared position and velocity errors along the axis.
+        The axis is roll, pitch, yaw, x, y or z. The cost of the accelerations a along it, in the N steps of the
+        horizon, is |R a|². `pose_weight` and `rate_weight` are the weights of the squared position and velocity errors
+        along the axis.
         """
         stacked = np.concatenate(
             (np.sqrt(pose_weight) * self.position_response, np.sqrt(rate_weight) * self.velocity_response)
@@ -146,7 +149,7 @@ class CondensedMpc:
         return np.linalg.qr(stacked)[1]
 
     def free_response(self, body: RigidBodyState) -> MpcReference:
-        """Predict pose and rate of each `body` after each step of the horizon if the feet apply no forces.
+        """Predict pose and velocities of each `body` after each step of the horizon if the feet apply no forces.
 
         Only gravity and the external wrench act on a body then.
         """
@@ -196,7 +199,7 @@ class CondensedMpc:
         accelerations: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         angular = np.matmul(
             skew(-moment_arms).reshape(count, -1, 3), np.linalg.inv(body.inertia)
-        )  # no transpose is needed, because the inertia is symmetric
+        )  # The inverse inertia is not transposed, because it is symmetric.
         accelerations[..., :3] = angular.reshape(count, -1, 3, 3)
         accelerations[..., 3:] = _EYE / body.mass[:, None, None, None]
         return accelerations.reshape(count, -1, 6)

@@ -6,12 +6,12 @@ One implicit step of length T, from the generalised velocity v to v⁺, solves t
     τ = k (u - q - T v⁺) - d v⁺              servo law at the end of the step
     J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground
 
-M is the inertia matrix, w the external wrench, h the bias force, τ the servo torques, J the Jacobian of the feet and p
-the impulses on the feet in contact. k and d are the servo stiffness and damping, u the joint targets and q the joint
-angles. s is the velocity with which the feet in contact close a remaining gap to the ground.
+M is the inertia matrix, w the external wrench, h the bias force and τ the servo torques. J is the Jacobian of the feet
+and p the impulses on the feet in contact. k and d are the servo stiffness and damping, u the joint targets and q the
+joint angles. s is the velocity with which the feet in contact close a remaining gap to the ground.
 
-The method is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics",
-1996, for feet that stick to the ground.
+The method is the time stepping of Stewart and Trinkle ("An implicit time-stepping scheme for rigid body dynamics",
+1996), restricted to feet that stick to the ground.
 """
 
 from typing import NamedTuple
@@ -235,8 +235,8 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
         [M + T (d + T k)   -Jᵀ] [v⁺]   [M v + T k e + T (w - h)]
         [J                  ε ] [p ] = [s - i T J̇ v            ]
 
-    M is the inertia matrix, h the bias force, J the Jacobian of the feet, v the generalised velocity before the step
-    and ε the contact regularisation. The servo error e is joint target minus joint angle.
+    M is the inertia matrix, h the bias force and J the Jacobian of the feet. v is the generalised velocity before the
+    step and ε the contact regularisation. The servo error e is joint target minus joint angle.
 
     Args:
         robot: Robot model; it supplies stiffness k and damping d of the servos.
@@ -360,7 +360,7 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
     """Invert the block L of each leg in the matrix of the linear system of an implicit step.
 
     The unknowns of a leg are 3 joint speeds and 3 components of the foot impulse. H is the inertia matrix of the joints
-    plus the servo damping, J the Jacobian of the foot, ε the contact regularisation and C the Schur complement:
+    plus the servo damping, and J the Jacobian of the foot. ε is the contact regularisation and C the Schur complement:
 
         L = [H  -Jᵀ]        C = J H⁻¹ Jᵀ + ε        L⁻¹ = [H⁻¹ - G J H⁻¹    G ]        G = H⁻¹ Jᵀ C⁻¹
             [J   ε ]                                      [-Gᵀ              C⁻¹]

@@ -103,9 +103,10 @@ class StateFilter(PerRobotState):
     def update_gains(self, noise: Floats, is_first: Mask) -> KalmanGains:
         """Update the error covariance by one control step, and return the Kalman gains.
 
-        The error covariance P is propagated, P⁻ = F P Fᵀ + Q, and corrected, P = (1 - K) P⁻, with the Kalman gain
-        K = P⁻ (P⁻ + R)⁻¹. F is the state transition matrix, Q the covariance of the process noise, and R the covariance
-        of the sensor noise. The first reading after a reset does not change P, because there is no prediction for it.
+        The error covariance P is propagated to P⁻ = F P Fᵀ + Q. It is then corrected to P = (1 - K) P⁻, with the Kalman
+        gain K = P⁻ (P⁻ + R)⁻¹. F is the state transition matrix, Q the covariance of the process noise, and R the
+        covariance of the sensor noise. The first reading after a reset does not change P, because there is no
+        prediction for it.
 
         Args:
             noise: Noise variance of each of the five groups of readings, (n, 5).

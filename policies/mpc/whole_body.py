@@ -2,8 +2,8 @@
 
 The variables of the QP are the generalised acceleration and the contact forces of the stance feet. The cost penalises
 errors of the trunk's angular acceleration, errors of the foot accelerations, and deviations from the planned contact
-forces. The constraints are the equations of motion of the floating base (which has no motor), the friction pyramids of
-the stance feet, and the torque limits of the joints.
+forces. The constraints are the equations of motion of the floating base (which has no motor), the friction pyramids,
+and the torque limits of the joints.
 """
 
 from collections.abc import Iterator
@@ -111,10 +111,12 @@ def make_programs(
 
     The variables of a QP are the generalised acceleration q̈ and the contact forces f of the stance feet.
 
-    The cost is the weighted sum of the squared errors of the foot accelerations J q̈ + J̇ q̇, of the trunk's angular
-    acceleration, and of the contact forces f. The constraints are the equations of motion M q̈ + h - w - Jᵀ f = (0, τ)
-    with the joint torques τ within their limits, and the friction pyramid of each stance foot. M is the inertia matrix,
-    h the bias force, w the external wrench and J the Jacobian of the feet.
+    The cost is a weighted sum of the squared errors of three quantities. They are the foot accelerations J q̈ + J̇ q̇,
+    the trunk's angular acceleration, and the contact forces f.
+
+    The equations of motion are M q̈ + h - w - Jᵀ f = (0, τ). M is the inertia matrix, h the bias force, w the external
+    wrench, J the Jacobian of the feet and τ the joint torques. The constraints are the six equations of the trunk, the
+    limits of τ, and the friction pyramid of each stance foot.
 
     Args:
         bodies: Dynamics terms of n robots.
