@@ -111,9 +111,9 @@ class PolicyScenarioResult:
     measures: Measures
     """Measures of the n episodes, for example outcome and velocity error, each an array (n, …)."""
     failure: NDArray[np.object_]
-    """Error message with which the policy failed in each of n episodes, (n,); None if it did not fail.
+    """Error message of the policy in each of n episodes, (n,); None if the policy did not fail.
 
-    An exception of the policy is an example of an error.
+    A policy fails if it raises an exception, exceeds its time limit, or returns an action that is not finite.
     """
 
     @property
@@ -126,10 +126,8 @@ class PolicyScenarioResult:
 class EpisodeChunk:
     """Subset of the episodes of one policy on one scenario that were simulated together.
 
-    It is stored with the measures of these episodes.
-
-    Each subset is stored as one file, so that an interrupted evaluation can be resumed with the subsets that are
-    missing.
+    The subset (chunk) and its measures are stored in one file. An interrupted evaluation can therefore be resumed: only
+    the missing subsets are simulated.
     """
 
     episode_indices: NDArray[np.int64]
@@ -182,7 +180,7 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
 
 
 def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Join the measures that users have registered as extensions, over all subsets of episodes.
+    """Join the measures of extensions, which users have registered, over all subsets of episodes.
 
     Args:
         cells: Result of each subset of the episodes of one policy on one scenario.

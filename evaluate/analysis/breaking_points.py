@@ -21,9 +21,8 @@ from quad_env.cli.format import NO_BREAK
 FailureKind = Literal["falls", "success"]
 """Kind of failure that a breaking point counts.
 
-A breaking point is the severity of a disturbance at which half of the episodes fail.
-
-`falls` counts episodes in which the robot falls. `success` counts all episodes that do not succeed by the success rule.
+A breaking point is the severity of a disturbance at which half of the episodes fail. `falls` counts episodes in which
+the robot falls. `success` counts all episodes that do not succeed by the success rule.
 """
 FAILURE_KINDS: tuple[FailureKind, ...] = ("falls", "success")
 """All kinds of failure for which breaking points are computed: falls, and episodes without success.
@@ -61,13 +60,14 @@ class AxisBreakingPoint:
     fail at the hardest severity. `always`: half or more fail at the mildest severity.
     """
     lowest: float
-    """Smallest severity that the policy was tested at, in `unit`."""
+    """Smallest severity of the disturbance at which the policy was tested, in `unit`."""
     highest: float
-    """Largest severity that the policy was tested at, in `unit`."""
+    """Largest severity of the disturbance at which the policy was tested, in `unit`."""
     hardest: float
-    """Hardest severity that the policy was tested at, in `unit`.
+    """Hardest severity of the disturbance at which the policy was tested, in `unit`.
 
-    It equals `lowest` if smaller values are harder (friction), otherwise `highest` (push impulse).
+    It equals `lowest` if a smaller value is harder, as with a friction coefficient. Otherwise it equals `highest`, as
+    with the impulse of a push.
     """
     of: FailureKind = "falls"
     """Kind of failure that is counted: `falls`, or all episodes without success (`success`)."""
@@ -76,9 +76,8 @@ class AxisBreakingPoint:
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
     """Compute the breaking points of every policy on each disturbance axis with enough severities.
 
-    At least MIN_LEVELS severities are needed.
-
-    A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail.
+    A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail. At least
+    MIN_LEVELS severities are needed.
 
     Args:
         cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
@@ -135,10 +134,9 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind
 def breaking_point_text(point: AxisBreakingPoint) -> str:
     """Format a breaking point as text, such as `48 N·s [45, 51]`.
 
-    A breaking point is the severity at which half of the episodes fail.
-
-    The brackets contain the 95 % interval. The text is `none up to 100 N·s` if less than half of the episodes fail at
-    the hardest severity. It is `already at 20 N·s` if half or more fail at the mildest severity.
+    A breaking point is the severity at which half of the episodes fail. The brackets contain its 95 % interval. The
+    text is `none up to 100 N·s` if less than half of the episodes fail at the hardest severity. It is
+    `already at 20 N·s` if half or more fail at the mildest severity.
     """
     is_rising = point.hardest == point.highest
     if point.found == "never":

@@ -32,7 +32,8 @@ class CombinedRuns:
     matches: tuple[Match, ...]
     """Comparisons of policies of run A with policies of run B, one for each pair and each common scenario.
 
-    The user chooses the pairs. The p-values are corrected for the number of all tests.
+    The pairs are the policies that both runs have, or one pair that the user chooses. The p-values are corrected for
+    the number of all tests.
     """
     correlation: RankCorrelation | None
     """Rank correlation of the scores in runs A and B: do both runs rank the policies in the same order?

@@ -117,7 +117,7 @@ def _failures_on_axis(
         run: Hash that identifies the evaluation; it enters the file names of the pages that show the episodes.
 
     Yields:
-        Failed episodes, sorted by scenario in the order of the run and then by episode.
+        Failed episodes, sorted by scenario in the order of the evaluation and then by episode.
     """
     first_row = 0
     for cell in cells:

@@ -13,7 +13,7 @@ from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentil
 from quad_env.cli.format import estimate, percent
 
 MIN_POLICIES = 3
-"""Minimum number of policies in both of two evaluations for which their rank correlation is computed."""
+"""Minimum number of compared policies for which the rank correlation of two evaluations is computed."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,11 @@ class RankCorrelation:
     """
 
     def lines(self) -> Iterator[str]:
-        """Yield the printed lines: does the ranking of run A hold in run B, and both rankings.
+        """Yield lines of text to print: does the ranking of run A also hold in run B? Both rankings follow.
 
-        The printed answer is `yes` if the interval of the correlation is positive and includes 1. It is `in part` if
-        the interval is positive and below 1, and `no` if the interval is negative. Otherwise it is `not shown`.
+        The first line has the answer. It is `yes` if the interval of the correlation is positive and includes 1. It is
+        `in part` if the interval is positive and below 1, and `no` if the interval is negative. Otherwise it is
+        `not shown`.
         """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"

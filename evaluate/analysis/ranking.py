@@ -261,12 +261,12 @@ def _with_corrected_p_value(
 
 
 def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
-    """Compute the number of episodes after which two policies will probably be significantly different.
+    """Compute the number of episodes after which the difference between two policies will be significant.
 
-    The probability is POWER.
-    The number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The
-    American Statistician 35). z is the quantile function of the normal distribution. `difference` and `deviation` are
-    the observed mean and standard deviation of the paired difference.
+    It is then significant with the probability POWER. The number is
+    ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2
+    (Guenther 1981, The American Statistician 35). z is the quantile function of the normal distribution. `difference`
+    and `deviation` are the observed mean and standard deviation of the paired difference.
 
     The result is also large enough for a sign-flip test. Its smallest p-value for n episodes, 2 / 2^n, must not exceed
     the level.

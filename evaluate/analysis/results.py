@@ -54,7 +54,7 @@ class Results:
     complete: bool
     """True if every policy ran all of its episodes; False if the evaluation was interrupted.
 
-    Some policy-scenario pairs then have no result. Every other pair has all of its episodes.
+    After an interruption, some policy-scenario pairs have no result. Every other pair has all of its episodes.
     """
     cells: tuple[PolicyScenarioResult, ...]
     """Measured episodes, one result for each policy-scenario pair, in the order of the evaluation."""

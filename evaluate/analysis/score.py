@@ -54,14 +54,14 @@ class Score:
     The names are the same for scenarios with the hardware profile and for scenarios without it.
     """
     difference: float
-    """Score of this policy minus score of the baseline policy.
+    """Score of this policy minus score of the baseline (the policy that all others are compared with), −1 … 1.
 
     It is 0 for the baseline itself, and NaN if the baseline has no score.
     """
     difference_ci: Interval
-    """95 % bootstrap interval of `difference`.
+    """95 % bootstrap interval of `difference`, −1 … 1.
 
-    It is NaN for the baseline, and for a policy with bit-identical episodes.
+    It is NaN for the baseline itself, and for a policy with episodes that are bit-identical to the baseline's.
     """
     p_value: float
     """p-value of `difference`, before any correction for the number of tests; NaN for the baseline.
@@ -84,7 +84,7 @@ class ScoredCells:
 
     @property
     def scenarios(self) -> list[str]:
-        """Names of the scored scenarios, one for each severity of each disturbance axis."""
+        """Names of the scenarios that enter the score, one for each severity of each disturbance axis."""
         return [level.name for axis in self.axes for level in axis.levels]
 
     def by_episode(self, policy: str) -> Floats:
@@ -99,7 +99,7 @@ class ScoredCells:
         return np.asarray(np.mean(success_by_axis, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
-        """Return True if all scored episodes of the policies `a` and `b` are bit-identical."""
+        """Return True if all episodes that enter the scores of the policies `a` and `b` are bit-identical."""
         cells_a = self.cells_by_policy[a]
         cells_b = self.cells_by_policy[b]
         return all(is_identical(cells_a[name], cells_b[name]) for name in self.scenarios)

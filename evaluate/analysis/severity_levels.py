@@ -52,7 +52,7 @@ class SeverityAxis:
 
     @property
     def note(self) -> str:
-        """Text for the reader on influences, other than the policy, on the results of this axis, or empty."""
+        """Note in the report on influences other than the policy on this axis's results; empty if none."""
         return "" if (known := known_axis(self.name)) is None else known.note
 
     @property

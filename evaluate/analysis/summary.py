@@ -35,9 +35,9 @@ class Summary:
     severity_unit: str
     """Unit of the severity, for example `N·s`; empty if the severity has no unit."""
     successes: int
-    """Number of successful episodes."""
+    """Number of episodes of the policy on the scenario that succeeded by the success rule."""
     success_rate: float
-    """Proportion of successful episodes, 0 … 1."""
+    """Proportion of episodes of the policy on the scenario that succeeded by the success rule, 0 … 1."""
     success_rate_ci: Interval
     """95 % Wilson interval of `success_rate`, 0 … 1."""
     outcomes: dict[str, int]
@@ -67,9 +67,10 @@ class Summary:
     velocity_error_upright: float
     """Planar velocity error over the steps before a fall, heading frame, mean over the episodes, m/s."""
     mean_velocity_error: float
-    """Difference between the mean velocity in an interval of constant command and the command, m/s.
+    """Planar distance between the mean velocity in an interval of constant command and the command, m/s.
 
-    It is the mean over the intervals of an episode and then over the episodes.
+    It is the mean over the intervals of an episode and then over the episodes. An interval with a fall counts with the
+    largest error.
     """
     mean_velocity_error_ci: Interval
     """95 % bootstrap interval of `mean_velocity_error`, m/s."""

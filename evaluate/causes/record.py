@@ -142,7 +142,7 @@ class EpisodeSignals:
     def onset(self) -> int:
         """Index of the control step at which the failure begins.
 
-        In this step and in all later steps, the tilt, the height of the trunk or the capture point is outside of its
+        From this step until the fall, the tilt, the height of the trunk or the capture point is always outside of its
         usual range. In the step before, all three were within their usual ranges.
         """
         offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
@@ -157,12 +157,13 @@ class EpisodeSignals:
     def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
         """Return the mask of the control steps in which a signal is larger than usual in this episode.
 
-        The usual range of the signal is a quantile of its values in the control steps well before the fall. A value is
-        unusual if it exceeds both `limit` and the usual range. Only `limit` counts if there are too few of these steps.
+        The largest usual value is computed from a quantile of the signal in the control steps well before the fall. A
+        value is unusual if it exceeds both `limit` and this usual value. If there are too few of these control steps,
+        every value above `limit` is unusual.
 
         Args:
             signal: Value of the signal in each control step, (end,).
-            limit: Threshold that an unusual value must exceed at least, in the unit of the signal.
+            limit: Smallest threshold for an unusual value, in the unit of the signal.
 
         Returns:
             True for control steps with an unusually large value, (end,).

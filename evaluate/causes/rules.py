@@ -128,8 +128,9 @@ def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Fl
 def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
     """Return the mask of the points on the shanks of swing legs that are in contact with an obstacle.
 
-    Each shank has four points; the last one is the foot. The recorded signals show contact for each foot, but only one
-    common contact for all other parts of the legs.
+    A leg is a swing leg if its foot was in the air in the control steps before. Each shank has four points; the last
+    one is the foot. The contact of each foot is recorded separately. All other parts of the legs have one common
+    contact signal.
 
     Args:
         record: Signals of the failed episode.
@@ -146,7 +147,7 @@ def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a collision of the trunk with an obstacle, for example a step, that ended as a fall.
+    """Find a collision of the trunk with an obstacle, for example a step, that ended the episode.
 
     The collision counts only if the failure began shortly before and the tilt of the trunk was small. Otherwise the
     robot was already falling.
@@ -229,7 +230,7 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _saturation(record: EpisodeSignals) -> Event:
-    """Return the event that motors were at their torque limit or speed limit.
+    """Make the event for motors that were at their torque limit or speed limit.
 
     The speed limit counts only if the motor model has a torque-speed curve. The score is the fraction of joints and
     control steps at a limit, divided by its threshold.
@@ -345,7 +346,7 @@ def _can_rise(record: EpisodeSignals) -> bool:
 
 
 def _leg_name(record: EpisodeSignals, leg: int) -> str:
-    """Return the name of a leg in words, for example `front left`; `record` contains the robot.
+    """Return the name of a leg in words, for example `front left`.
 
     Args:
         record: Signals of the failed episode, with the robot.

@@ -74,7 +74,7 @@ def content_hash(rows: pa.Table) -> str:
 
 
 def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
-    """Return the metadata of a table or column that enter the content hash of a Parquet file.
+    """Return the metadata of a table or column that enters the content hash of a Parquet file.
 
     Args:
         metadata: Metadata: key -> value; None for no metadata.

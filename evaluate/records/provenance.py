@@ -40,8 +40,8 @@ _SOURCE_SUFFIXES = {".py", ".xml", ".json"}
 def versions() -> dict[str, str | None]:
     """Return the versions of all software on which the results of an evaluation depend.
 
-    The result maps the name of a package, rule or library to its version.
-    A version is None if it is not known, for example the git revision if this project is not in a git repository.
+    The result maps the name of a package, rule or library to its version. A version is None if it is not known, for
+    example the git revision if this project is not in a git repository.
     """
     return {
         "python": platform.python_version(),
@@ -130,7 +130,9 @@ def cpu_model() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return the SHA-256 of the code on which the results depend: statements and data files of SOURCES.
+    """Return the SHA-256 of the code on which the results depend: Python statements and data files.
+
+    The code consists of the packages of this project that SOURCES names.
 
     Comments, docstrings and the layout of Python files have no influence on the hash, because no result depends on
     them.

@@ -70,10 +70,10 @@ class Run:
 
 
 class ChunkStore:
-    """Stores the finished episodes of an evaluation in its results folder, so that it can be resumed.
+    """Store of the finished episodes of an unfinished evaluation, from which it can be resumed.
 
-    The episodes are stored in chunks. A chunk is a subset of the episodes of one policy on one scenario. Each chunk is
-    one file, which is written atomically.
+    The episodes are stored in chunks in the results folder. A chunk is a subset of the episodes of one policy on one
+    scenario. Each chunk is one file, which is written atomically.
 
     Args:
         folder: Results folder of the evaluation.
@@ -134,7 +134,7 @@ class ChunkStore:
             self.begun = True
 
     def _cell_index(self, policy: str, scenario: Scenario) -> int:
-        """Return the index of the pair of `policy` (label) and `scenario` in the order of the evaluation."""
+        """Return the index of the pair of `policy`, a label, and `scenario` in the order of the evaluation."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:

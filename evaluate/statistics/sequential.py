@@ -28,7 +28,8 @@ from evaluate.statistics.significance import sign_flip_test
 LEVEL = 0.045
 """Largest probability that a report claims a difference between adjacent policies that are equal.
 
-It is nine tenths of the 5 % of a whole report. The remaining tenth belongs to the claims on single scenarios.
+It is nine tenths of the 5 % that a whole report may spend on false positives. The remaining tenth belongs to the
+differences on single scenarios.
 """
 LOOKS = 4
 """Number of interim analyses of an evaluation --until settled, equally spaced up to the last episode."""
@@ -45,11 +46,14 @@ class AdjacentTest(NamedTuple):
     """Test of two adjacent policies of a ranking in one interim analysis."""
 
     ahead: str
-    """Name of the policy with the higher score."""
+    """Name of the policy with the higher score of two adjacent policies in the ranking."""
     behind: str
-    """Name of the policy with the lower score."""
+    """Name of the policy with the lower score of two adjacent policies in the ranking."""
     p_value: float
-    """p-value of the paired, two-sided sign-flip permutation test, before any correction."""
+    """p-value of the difference between the two scores, before any correction.
+
+    It is from the paired, two-sided sign-flip permutation test over the episodes.
+    """
     distinguished: bool
     """True if the p-value is below the nominal significance level of this interim analysis."""
     futile: bool
