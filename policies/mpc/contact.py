@@ -49,13 +49,13 @@ class ContactEstimatorConstants:
     The estimate of the external wrench is not updated if fewer than two feet stand firmly. The robot is then tilted or
     in the air, and other parts than the feet may touch the ground."""
     max_update_tilt: float = 0.2
-    """Largest absolute roll and pitch angle at which the estimate of the external wrench is updated, rad."""
+    """Absolute roll and pitch angle up to which the estimate of the external wrench is updated, rad."""
     initial_weight: float = 5.0
     """Weight of the initial external wrench, which is zero, in the mean of the first samples.
 
-    The weight is a number of samples."""
+    The weight is a number of samples: the initial wrench counts as many samples as this number."""
     contact_margin_per_stiffness: float = 0.03
-    """Error of an estimated foot force by encoder noise, divided by the servo stiffness, N per N·m/rad.
+    """Error of an estimated foot force that encoder noise causes, per servo stiffness of the joints, N per N·m/rad.
 
     A foot in the air counts as in contact only if its vertical force exceeds the parameter `touch_force` by this error.
     The margin is needed because the state prediction would stop a foot with a false contact at once."""

@@ -75,7 +75,7 @@ class ForcePlans(PerRobotState):
         return has_other_stance | is_old
 
     def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, moment_arms: Floats) -> None:
-        """Replace the force plans of g robots by new plans that start now, with the age zero.
+        """Replace the force plans of g robots by new plans that start now; their age is zero.
 
         Args:
             robots: Indices of the robots, (g,).
