@@ -110,8 +110,7 @@ def load(
 def find_bundle_folder(folder: Path) -> Path:
     """Return the path of the policy bundle in a `folder`: the folder itself, or its subfolder BEST.
 
-    The subfolder is used if the folder is a training run.
-    Raises PolicyError if there is no policy bundle.
+    The subfolder is used if the folder is a training run. Raises PolicyError if there is no policy bundle.
     """
     if (folder / DESCRIPTION).exists():
         return folder

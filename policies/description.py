@@ -275,7 +275,7 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
         fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
     if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
         fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
-    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # NaN fails, too
+    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # also false for NaN
         fail(folder, f"weights must be finite and lie within ±{_MAX_WEIGHT:g}")
     return network
 

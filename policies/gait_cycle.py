@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-"""Type of arrays of numbers."""
+"""Type of float64 arrays."""
 
 TURN = 2.0 * np.pi
 """Phase of one full gait cycle, 2π rad."""

@@ -67,7 +67,7 @@ class Parameters:
 
     def __post_init__(self) -> None:
         for name, (low, high) in limits_of(self).items():
-            if not low <= (value := getattr(self, name)) <= high:  # also True if the value is NaN
+            if not low <= (value := getattr(self, name)) <= high:  # also raises for NaN
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 

@@ -18,12 +18,12 @@ The network then gets only the current observation and the inputs from the base 
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
-    """Return the authority of a residual policy: the largest correction of each joint target.
+    """Return the default authority of a residual policy: the largest correction of each joint target.
 
-    The network of the policy adds the correction.
+    The corrections come from the network of the residual policy, and are added to the targets of its base policy.
 
     Args:
-        robot: Robot with the legs.
+        robot: Robot that the policy controls.
         hip: Largest correction of a hip (abduction) joint, rad.
         joint: Largest correction of a thigh or calf joint, rad.
 
@@ -59,9 +59,7 @@ class Features(PerRobotState):
         self.inputs = inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
-        """Number of observation elements before the height scan.
-
-        Only these elements are in the history, because the height scan is large."""
+        """Number of observation elements that precede the height scan. The history consists of these elements only."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0

@@ -43,7 +43,7 @@ class BaseSpec(NamedTuple):
 
     @property
     def kind(self) -> type:
-        """Class of the base policy."""
+        """Class of the base policy, a subclass of `Policy`."""
         kind = self.make.func if isinstance(self.make, partial) else self.make
         assert isinstance(kind, type)
         return kind
@@ -109,7 +109,7 @@ def base_from_json(
     """Make a base policy from the JSON values of `base_to_json`.
 
     Args:
-        description: JSON values that `base_to_json` made.
+        description: Dictionary that `base_to_json` has returned, read from a file.
         robot: Robot that the policy controls.
         control_period: Time between two control steps, s.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based policy.

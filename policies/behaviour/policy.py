@@ -26,10 +26,10 @@ RUN_ABOVE = 0.7
 WALK_BELOW = 0.5
 """Commanded horizontal speed below which a running robot walks again, m/s; used if `Behaviour(follow=True)`."""
 MOVE_ABOVE = 0.02
-"""Limit of the absolute command components between standing and walking, m/s or rad/s.
+"""Absolute command component above which a standing robot starts to walk, m/s or rad/s.
 
-With `Behaviour(follow=True)`, a standing robot walks if a component is above the limit. A walking robot stands if all
-components are below it."""
+A walking robot stands again if no component is above this limit. Both changes happen only if
+`Behaviour(follow=True)`."""
 BLEND_TIME = 0.2
 """Duration of the blend from the last joint targets to the targets of the trot when a robot starts to walk, s."""
 
@@ -45,7 +45,7 @@ class Behaviour(Policy):
         start: State of each robot after a reset.
         follow: True: change between stand, walk and run automatically, from the commanded velocity. False: only
             `request` causes these changes.
-        **kwargs: See `Policy`.
+        **kwargs: Keyword arguments `robot` and `control_period` of `Policy`.
     """
 
     name = "behaviour"

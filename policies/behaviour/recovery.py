@@ -28,7 +28,7 @@ class Phase(IntEnum):
     SETTLE = 0
     """The joints are damped until the robot lies still."""
     GATHER = 1
-    """The legs move to a gathered pose, from which the robot can kick."""
+    """The legs move to the gathered pose, the pose before a kick."""
     ROCK = 2
     """The legs stay gathered, because the robot lies on its side or a kick has failed."""
     KICK = 3
@@ -126,7 +126,7 @@ class Recovery(Motion):
     phase: NDArray[np.int64] = per_robot(0)
     """Current `Phase` of the recovery of each robot, as a number, (n,)."""
     _left_lower: NDArray[np.int64] = per_robot(0)
-    """1 for robots with the left side as the lower side, to which gravity points, else 0, (n,)."""
+    """1 for robots with lower left legs, 0 for robots with lower right legs; used to select key poses, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
@@ -242,7 +242,8 @@ def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
     home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # angles of a front leg, then of a hind leg
     lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
     upper = (home, p.gather_upper, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
-    by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)  # upper or lower, phase, front or hind, joint
+    # The axes of `by_height` are: 0 for the upper and 1 for the lower side, phase, front or hind leg, joint.
+    by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)
     poses = np.empty((len(Phase), 2, len(robot.leg_names), 3))
     for left_lower in (0, 1):
         for leg, side in enumerate(robot.side):

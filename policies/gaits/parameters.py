@@ -33,7 +33,7 @@ GAITS = (*OFFSETS, STAND)
 """Names of all gaits: the stepping gaits bound, pace, pronk, trot and walk, and `stand`."""
 
 UNLIMITED = 10.0
-"""Velocity limit of a gait that stands for `unlimited`, m/s or rad/s, because no command is that large."""
+"""Number for a velocity limit that has no effect, m/s or rad/s, because no command is that large."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,9 @@ def stand_parameters(robot: Robot) -> GaitParameters:
 
 
 def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
-    """Compute the Froude number v²/(g·h): commanded speed v of the fastest hip, hip height h.
+    """Compute the Froude number v²/(g·h) of the commanded velocity.
+
+    Here v is the commanded speed of the fastest hip, g is the gravitational acceleration, and h is the hip height.
 
     Args:
         robot: Robot with the hip positions.
@@ -172,7 +174,7 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
         command: Velocity command (forward, lateral, yaw rate), (n, 3), m/s and rad/s.
 
     Returns:
-        Gait frequency, (n,), Hz, and duty factor, (n,).
+        Two arrays: gait frequency, (n,), Hz, and duty factor (fraction of the gait cycle in stance), (n,).
     """
     column = INDEX
     pace = np.sqrt(np.minimum(froude_number(robot, command, values[:, column["body_height"]]), 1.0))

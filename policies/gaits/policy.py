@@ -43,9 +43,9 @@ YAW_ACCELERATION = 8.0
 MAX_REACH = 0.2
 """Largest distance of a foot from the middle of its stride, separately along x and y, m."""
 PLACEMENT_TOLERANCE = 0.005
-"""Largest distance of a foot from the middle of its stride, along x and y, at which a standing robot rests it, m.
+"""Largest deviation of a foot of a standing robot from the middle of its stride, along x and along y, m.
 
-A foot at a larger distance takes another step."""
+A foot with a larger deviation takes another step."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 """Largest rates of change of the command (forward, lateral, yaw rate), (3,), m/s² and rad/s²."""
 
@@ -81,7 +81,7 @@ class GaitState(NamedTuple):
 
 
 class Gaits(GaitedPolicy):
-    """Policy that follows a velocity command in a gait; `request` changes the gait of all or some robots.
+    """Policy that follows a velocity command in a gait, such as walk or trot; `request` changes the gait.
 
     After a reset, a robot starts from the home pose and changes smoothly to its first gait.
 
@@ -216,7 +216,7 @@ class Gaits(GaitedPolicy):
         `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate). `values`,
         (n, len(NAMES)), are the gait parameters.
         """
-        # The minimum is used, because in a transition the limits of both the current parameters and the new gait hold.
+        # The minimum is used, because the command must respect the limits of both gaits in a transition.
         limited = limit_command(np.minimum(values, self._transition.goal), command)
         goal = np.where(self._standing[:, None], 0.0, limited)
         reach = self.control_period * _ACCELERATION

@@ -33,7 +33,7 @@ REST_SPEED = 0.5
 REST_TURNING = 1.5
 """Absolute angular velocity of the trunk about each base axis below which a robot may count as at rest, rad/s."""
 REST_TILT = np.deg2rad(30.0)
-"""Tilt of the trunk from the horizontal below which a robot may count as at rest, rad."""
+"""Tilt of the trunk (0 if it is level) below which a robot may count as at rest, rad."""
 REST_TIME = 0.1
 """Time for which a braced robot must be at rest (see `is_at_rest`) before its policy takes over again, s."""
 RELEASE_TIME = 0.15

@@ -30,10 +30,10 @@ class SafetyLimits(Settings):
     target_rate: Positive = 60.0
     """Largest rate of change of a joint target, rad/s. A swing phase of the trot reaches 35 rad/s."""
     joint_speed: Positive = 30.0
-    """Joint speed above which the joint may not be driven further, rad/s.
+    """Joint speed above which a target may not accelerate the joint further, rad/s.
 
-    The target of a faster joint is limited to the current angle, so that it does not lie ahead in the direction of
-    motion."""
+    The target of a faster joint is limited to the current joint angle, so that the target does not lie ahead of the
+    joint in the direction of motion."""
     no_load_speed: Limit = inf
     """No-load speed of the motors, rad/s; infinite for a torque limit that does not depend on the speed.
 
@@ -73,7 +73,7 @@ class SafetyLimits(Settings):
     def limit_targets(
         self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
     ) -> Floats:
-        """Return the joint targets within the limits that are closest to given joint targets.
+        """Limit joint targets to the target rate, joint speed, servo torque and joint range.
 
         The torque limit is applied after the limits of target rate and joint speed, because it must hold even if the
         target has to jump. The limits of the joint range are applied last.

@@ -28,13 +28,15 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class IntegralParameters(TrotParameters):
     """Parameters of the trot with integral action: open-loop trot and integral.
 
-    The defaults of the integral were chosen by hand on episodes with seeds for searches.
+    The defaults of the integral were chosen by hand on episodes with seeds that are reserved for searches.
     """
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Integral gain of the forward and the lateral velocity, as rate of the correction per velocity error, 1/s."""
+    """Integral gain, as rate of change of the forward (lateral) correction per forward (lateral) error, 1/s.
+
+    The correction is added to the commanded velocity."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Integral gain of the yaw rate, as rate of the yaw-rate correction per yaw-rate error, 1/s."""
+    """Integral gain of the yaw rate, as rate of change of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the expected velocity follows the command, s.
 

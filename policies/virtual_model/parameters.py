@@ -48,9 +48,9 @@ class VirtualParameters(ModelParameters):
 
     Weights are needed because two stance feet can produce only five of the six components of the acceleration."""
     tilt_priority: float = parameter(0.3, limits=(1e-3, 1e3), search=(0.05, 2.0), unit="m")
-    """Weight of the error of the angular acceleration about the horizontal axes, relative to the vertical one, m."""
+    """Weight of the error of the roll and pitch acceleration; the vertical acceleration has the weight 1, m."""
     yaw_priority: float = parameter(0.4, limits=(1e-3, 1e3), search=(0.05, 1.0), unit="m")
-    """Weight of the error of the yaw acceleration, relative to the vertical acceleration, m."""
+    """Weight of the error of the yaw acceleration; the vertical acceleration has the weight 1, m."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), VirtualParameters)

@@ -51,7 +51,8 @@ class TrotFeedback(ModelBased):
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
         """Compute the contact forces of the stance feet that act as virtual springs and dampers of the trunk.
 
-        The forces produce the acceleration of `virtual_acceleration` minus the acceleration by lasting external forces.
+        The forces produce the acceleration of `virtual_acceleration` minus the acceleration that lasting external
+        forces cause.
         """
         state = control_state.motion
         acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
