@@ -28,8 +28,8 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Name of the effort measure, as in EFFORT -> value in each episode, (n,). The duty factor is the mean over the
-        four feet.
+        Name of the effort measure, for example `cost_of_transport` -> value in each episode, (n,). The duty factor is
+        the mean over the four feet.
     """
     cost = cost_by_episode(column("energy"), column("distance"), weight)
     duty_factor = column("duty_factor")
@@ -64,7 +64,7 @@ def mean_and_interval(values: Floats, name: str) -> tuple[float, Interval]:
 
     Args:
         values: Value of the measure in each episode, (n,).
-        name: Name of the effort measure, as in EFFORT. It determines the largest possible value.
+        name: Name of the effort measure, for example `cost_of_transport`. It determines the largest possible value.
 
     Returns:
         Mean and 95 % bootstrap interval, in the unit of the measure; NaN if every value is NaN.

@@ -54,9 +54,10 @@ class Score:
     The names are the same for scenarios with the hardware profile and for scenarios without it.
     """
     difference: float
-    """Score of this policy minus score of the baseline (the policy that all others are compared with), −1 … 1.
+    """Score of this policy minus score of the baseline, −1 … 1.
 
-    It is 0 for the baseline itself, and NaN if the baseline has no score.
+    The baseline is the policy that all other policies are compared with. The difference is 0 for the baseline itself,
+    and NaN if the baseline has no score.
     """
     difference_ci: Interval
     """95 % bootstrap interval of `difference`, −1 … 1.

@@ -69,8 +69,8 @@ class Summary:
     mean_velocity_error: float
     """Planar distance between the mean velocity in an interval of constant command and the command, m/s.
 
-    It is the mean over the intervals of an episode and then over the episodes. An interval with a fall counts with the
-    largest error.
+    It is the mean over the intervals of an episode and then over the episodes. Control steps after a fall count with
+    the largest error.
     """
     mean_velocity_error_ci: Interval
     """95 % bootstrap interval of `mean_velocity_error`, m/s."""
@@ -102,12 +102,12 @@ class Summary:
     duty_factor: tuple[float, ...]
     """Duty factor (fraction of time in stance) of feet FL, FR, RL, RR, (4,), mean over the episodes."""
     effort: dict[str, float]
-    """Name of an effort measure, as in EFFORT -> mean over the episodes in which the measure is not NaN.
+    """Name of an effort measure, such as `step_rate` -> mean over the episodes in which it is not NaN.
 
-    The duty factor is also the mean over all feet.
+    The duty factor is the mean over all feet as well.
     """
     effort_intervals: dict[str, Interval]
-    """Name of an effort measure, as in EFFORT -> 95 % confidence interval of its mean, in its unit."""
+    """Name of an effort measure, such as `step_rate` -> 95 % confidence interval of its mean."""
 
 
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:

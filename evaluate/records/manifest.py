@@ -143,7 +143,7 @@ class Manifest:
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """Return the origin of the results: all fields except options, date and fingerprint, name -> JSON value."""
+        """Return the origin of the results, all fields except options, date and fingerprint: name -> value."""
         values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
