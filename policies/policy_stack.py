@@ -28,8 +28,8 @@ class PolicyStack(Policy):
     Args:
         members: Policies with the same joints, control period and height scan.
         blocks: Number of blocks of rows, which have equal size.
-        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of
-            a network with a numeric overflow then fall.
+        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of a
+            network with a numeric overflow then fall.
         idle_when_fallen: True: do not call a member if all its robots have fallen. The joint targets of these robots
             are then the home pose.
         robot: Robot of the combined policy; the robot of the first member by default. Pass a robot if the members use

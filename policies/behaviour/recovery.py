@@ -98,7 +98,7 @@ SETTLED_TURNING = 2.5
 ROCK_BLEND = 0.05
 """Duration of the blend from the last pose to the key pose of the phase ROCK, s."""
 ROCK_TIME = 0.3
-"""Duration of the phase ROCK, in which a robot on its side gathers its legs to roll onto its back, s."""
+"""Duration of the phase ROCK, in which a robot keeps its legs gathered on its side or after a failed kick, s."""
 FLAT = -0.95
 """Cosine of the tilt of the trunk (1: upright, -1: upside down) below which a robot lies on its back."""
 KICK_BLEND = 0.01
