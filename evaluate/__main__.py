@@ -34,7 +34,9 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
+"""Subcommands of `python -m evaluate`: name -> module, and one line for the list of subcommands."""
 _RESEARCH = "calibration estimation gaits jump readme recovery"
+"""Names of subcommands of older versions that are now subcommands of `python -m research`."""
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
 _OLD = "gone: revision 59ce5e8 has it as `python -m research`"
 MOVED |= dict.fromkeys(("ground", "prediction", "safety"), _OLD)
@@ -83,6 +85,7 @@ def _plan(words: list[str]) -> "Plan":
 
 
 PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
+"""Command-line program `python -m evaluate`; it compares policies if no subcommand is named."""
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -136,6 +136,15 @@ def _pareto_points(
 
 
 def _claim_key(match: Match, labels: tuple[Labels, Labels]) -> ClaimKey:
+    """Return the key of a comparison: its scenario, and the display names of the two compared policies.
+
+    Args:
+        match: Comparison of a policy of run A with a policy of run B on one scenario.
+        labels: Name of a policy -> display name, for run A and for run B.
+
+    Returns:
+        Scenario name and set of two display names.
+    """
     return match.scenario, frozenset((labels[0][match.a], labels[1][match.b]))
 
 

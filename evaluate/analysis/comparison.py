@@ -216,6 +216,7 @@ def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
 
 
 def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    """Return True if the arrays `a` and `b` have the same shape, type and bits; NaN then equals NaN."""
     if (a.shape, a.dtype) != (b.shape, b.dtype):
         return False
     return a.tolist() == b.tolist() if a.dtype == object else a.tobytes() == b.tobytes()

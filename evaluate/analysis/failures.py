@@ -160,4 +160,5 @@ def _failures_of_cell(
 
 
 def _hash(text: str) -> str:
+    """Return the first 10 hexadecimal digits of the SHA-256 of `text`, for the file name of a page."""
     return hashlib.sha256(text.encode()).hexdigest()[:10]

@@ -135,6 +135,7 @@ def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, 
 
 
 def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
+    """Return True if policy `a` dominates policy `b`: no worse in success and cost, and better in one."""
     no_worse = a.success >= b.success and a.cost <= b.cost
     return no_worse and (a.success > b.success or a.cost < b.cost)
 

@@ -210,6 +210,7 @@ def correct_p_values(
 
 
 def _single_claim(comparison: Comparison) -> Claim:
+    """Return the key of a `comparison` on one scenario: the scenario name and the two policy names."""
     return comparison.scenario, frozenset((comparison.a, comparison.b))
 
 

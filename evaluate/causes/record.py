@@ -18,6 +18,7 @@ from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
+"""File with the thresholds of the rules that determine the cause of a failed episode."""
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
 """Thresholds of the rules for causes of failure: name -> (value, unit, reason for the value).
 

@@ -64,7 +64,9 @@ _LIST_COLUMNS = {
     "push_fell": _ListColumn(0, ("push_time", "push_impulse")),
     "push_impulse": _ListColumn(0, ("push_time", "push_fell"), width=2),
 }
+"""Measures with a list of values per episode: name of the measure -> layout of its column."""
 _TEXT_COLUMNS = {"cause", "cause_detail"}
+"""Names of the measures that are texts and that an episodes.parquet of an older version may lack."""
 
 
 def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:

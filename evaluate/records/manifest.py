@@ -24,6 +24,7 @@ from quad_env.scenarios.registry import Scenario
 from quad_env.serialisation import from_json_values, to_json_values
 
 NAME = "manifest.json"
+"""Name of the file in a results folder that contains all inputs of the evaluation."""
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
 """Names of the files in the results folder of a finished evaluation."""
 CHUNKS = "parts"

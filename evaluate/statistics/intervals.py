@@ -234,6 +234,16 @@ def _are_equal(values: Floats) -> bool:
 
 
 def _resampled_sums(values: Floats, count: int, seed: int) -> Floats:
+    """Return the sum of each bootstrap resample of a sample.
+
+    Args:
+        values: Values of the sample, (n,).
+        count: Number of resamples.
+        seed: Seed of the random draws.
+
+    Returns:
+        Sum of the n values that each resample draws, (count,).
+    """
     return np.concatenate([counts @ values for counts in resamples(len(values), count, seed)])
 
 
