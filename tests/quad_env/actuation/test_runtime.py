@@ -1,6 +1,4 @@
-"""Delay, dropouts, lag and heat of some robots of a batch: each robot has its own state, which
-only its steps change.
-"""
+"""Delay, dropouts, lag and heat of some robots of a batch: each robot has its own state, changed by its own steps."""
 
 import math
 from dataclasses import replace

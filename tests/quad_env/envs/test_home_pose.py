@@ -1,6 +1,4 @@
-"""Actions relative to the home pose: their targets, for a single robot and for a batch, and
-equal spaces from the wrapper.
-"""
+"""Actions relative to the home pose: their targets, for a single robot and for a batch, and pickles of the space."""
 
 import pickle
 import warnings

@@ -142,9 +142,7 @@ def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action
 
 
 def test_same_step_mode_tells_the_end_of_the_robot_that_ended_and_the_start_of_its_next_episode() -> None:
-    """One of two robots ends: masks identify it, the infos of its end have its return, and the
-    other's step is unchanged.
-    """
+    """Masks identify the robot that ended, its final infos have its return, and the other robot's step is unchanged."""
     env, twin = make(2, autoreset_mode="SameStep", readings=True), make(2, autoreset_mode="Disabled", readings=True)
     for each in (env, twin):
         each.reset(seed=0)

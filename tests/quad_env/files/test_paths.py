@@ -1,4 +1,4 @@
-"""A path that leads nowhere is called a missing file, wherever a name or a path may stand."""
+"""A path to a missing file is reported as a missing file by every argument that takes a name or a path."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Files of users are read whole or refused at once: pipes, devices and what is too large are no files to read."""
+"""User files are read completely or refused at once; pipes, devices and too large files are refused."""
 
 import os
 from pathlib import Path
@@ -14,7 +14,7 @@ ODD = ("pipe", "device", "huge", "folder", "nothing")
 
 
 def odd(folder: Path, kind: str, name: str = "odd") -> Path:
-    """A path of that kind; the huge file takes no room on the disk."""
+    """Create a path of a kind; the huge file takes no space on the disk."""
     path = folder / name
     if kind == "pipe":
         os.mkfifo(path)

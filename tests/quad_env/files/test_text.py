@@ -1,4 +1,4 @@
-"""No text of somebody else's steers a terminal."""
+"""Texts from other sources never control the terminal."""
 
 from pathlib import Path
 

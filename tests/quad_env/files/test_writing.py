@@ -1,4 +1,4 @@
-"""Folders that one process at a time writes to."""
+"""Folders with one writing process at a time."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ with exclusive_lock(Path(sys.argv[1])):
 
 def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> None:
     with exclusive_lock(tmp_path):
-        for _ in range(2):  # a refusal frees nothing
+        for _ in range(2):  # a refusal keeps the lock
             with pytest.raises(FolderInUseError, match="--out"), exclusive_lock(tmp_path):
                 pass
         (tmp_path / "other").mkdir()
@@ -44,7 +44,7 @@ def test_the_lock_ends_with_its_process_however_that_ends(tmp_path, running) -> 
 
 
 def test_a_process_that_the_user_begins_does_not_keep_the_folder(tmp_path) -> None:
-    """As a worker or a player does that outlives the command."""
+    """A worker or a video player may outlive the command that started it."""
     with exclusive_lock(tmp_path):
         sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:

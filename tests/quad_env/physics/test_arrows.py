@@ -1,4 +1,4 @@
-"""Arrows are drawn where they are said to be, into that one picture."""
+"""Arrows appear at their positions, and only in the picture that they were given for."""
 
 import math
 
@@ -11,14 +11,14 @@ from quad_env.physics.rendering import Camera
 
 WIDTH, HEIGHT = 320, 240
 VISIBLE = 20
-"""Difference of a pixel's colours; a renderer's first picture differs by less from its later ones."""
+"""Least difference of a pixel's colours; the first picture of a renderer differs from its later ones by less."""
 RED = (1.0, 0.0, 0.0, 1.0)
 PER_METRE = HEIGHT / 2 / math.tan(math.radians(20.0)) / 2.0
-"""Pixels at the trunk, of the camera `side`, which is 2 m to the right of it and sees 40° from top to bottom."""
+"""px/m at the trunk, for the camera `side`, which is 2 m to the right and sees 40° vertically."""
 
 
 def changed(arrows: list[Arrow | Ball]) -> np.ndarray:
-    """Each pixel that the marks change, (n, 2), m above and ahead of the trunk's place in the picture."""
+    """Return the pixels that the marks change, (n, 2), m above and ahead of the trunk in the picture."""
     env = SimpleQuadEnv()
     env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
     camera, data = Camera(env.model, WIDTH, HEIGHT, "side"), env.data
@@ -29,7 +29,7 @@ def changed(arrows: list[Arrow | Ball]) -> np.ndarray:
     there = [each._replace(**places) for each, places in zip(arrows, moved, strict=True)]
     without = camera.draw(data).astype(int)
     drawn = camera.draw(data, arrows=there).astype(int)
-    assert np.abs(camera.draw(data) - without).max() < VISIBLE  # the next picture has none of them
+    assert np.abs(camera.draw(data) - without).max() < VISIBLE  # the next picture has no marks
     camera.close()
     rows, columns = np.nonzero(np.abs(drawn - without).max(axis=-1) > VISIBLE)
     eye = data.camera("side").xpos

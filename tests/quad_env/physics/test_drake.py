@@ -1,4 +1,4 @@
-"""Drake's robots are MuJoCo's: mass, stand and payload; they repeat to the bit, alone or in a batch."""
+"""Robots in Drake have the mass, the stance and the payload of MuJoCo's; they repeat to the bit, in any batch."""
 
 import mujoco
 import numpy as np
@@ -49,7 +49,7 @@ def test_mass_matrix_is_mujocos(name: str, on: str) -> None:
 
 
 def test_it_stands_as_in_mujoco() -> None:
-    """To 0.5 mm and 0.001 rad, with the same torques to 0.2 N·m, on feet that carry its weight."""
+    """The pose agrees to 0.5 mm and 0.001 rad, the torques to 0.2 N·m; the feet carry the weight."""
     simulations = [
         Simulation(SIMPLE_QUAD, scenario("flat"), SimulationConfig(has_meter=True, simulator=name))
         for name in simulators.SIMULATORS

@@ -1,4 +1,4 @@
-"""The part of a height field that a free camera draws is the ground that the robots walk on, whatever its shape."""
+"""The part of a height field that a free camera draws is the ground of the robots, for any shape of the field."""
 
 from pathlib import Path
 
@@ -25,15 +25,15 @@ FIELDS = {  # rows, columns and size along x and y, m
 def field(name: str, folder: Path) -> HeightField:
     rows, columns, size = FIELDS[name]
     heights = np.random.default_rng(0).uniform(-0.1, 0.3, (rows, columns))
-    heights[:, 0] += 0.5  # which is the side of least x
-    heights[0] += 1.0  # which is that of largest y
+    heights[:, 0] += 0.5  # the side of least x
+    heights[0] += 1.0  # the side of largest y
     np.save(folder / "hill.npy", heights)
     (folder / "hill.toml").write_text(f'file = "hill.npy"\nsize = {list(size)}\n', encoding="utf-8")
     return HeightField.from_toml(folder / "hill.toml")
 
 
 def drawn_height(ground: TerrainPatch, data: mujoco.MjData, x: float, y: float) -> float:
-    """World height of the drawn surface, by a ray from above, m."""
+    """Return the world height of the drawn surface, by a ray from above, m."""
     geom = np.flatnonzero(ground.model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)[0]
     down = np.array((0.0, 0.0, -1.0))
     start = np.array((x, y, 50.0))

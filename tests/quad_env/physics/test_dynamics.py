@@ -1,4 +1,4 @@
-"""Dynamics of the bodies against finite differences, energies and the sum over the bodies."""
+"""Dynamics of the bodies, compared with finite differences, energies and sums over the bodies."""
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ STEP = 1e-6
 
 
 class State:
-    """A robot that moves in every way."""
+    """A robot with motion in every coordinate."""
 
     def __init__(self, seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -25,12 +25,12 @@ class State:
         self.position = np.zeros(3)
 
     def bodies(self) -> DynamicsTerms:
-        """What the dynamics say of it, without the first axis."""
+        """Return the dynamics of the state, without the batch axis."""
         parts = (self.orientation, self.velocity, self.turning, self.angles, self.speeds)
         return DynamicsTerms(*(each[0] for each in DYNAMICS.compute(*(part[None] for part in parts))))
 
     def moved(self, step: float) -> "State":
-        """The same, a little later, at the same generalised velocity."""
+        """Return the state a time step later, at constant generalised velocity."""
         later = State.__new__(State)
         later.__dict__.update(self.__dict__)
         later.orientation = self.orientation.copy()
@@ -39,7 +39,7 @@ class State:
         return later
 
     def difference(self, name: str) -> np.ndarray:
-        """Change of a place a second, world frame."""
+        """Return the rate of change of a position, world frame."""
         before, after = self.moved(-STEP), self.moved(STEP)
         change = getattr(after.bodies(), name) - getattr(before.bodies(), name)
         return (change + (after.position - before.position)) / (2.0 * STEP)
@@ -84,7 +84,7 @@ def test_the_bias_at_rest_is_the_weight(state: State) -> None:
 
 
 def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
-    """Momentum of the whole robot by the centre of mass, and of the locked robot by its rotational inertia."""
+    """The momentum of the whole robot follows the centre of mass; the locked robot has the rotational inertia."""
     bodies = state.bodies()
     momentum = bodies.inertia @ state.generalised
     np.testing.assert_allclose(momentum[:3], SIMPLE_QUAD.mass * bodies.com_velocity, atol=1e-9)
@@ -99,7 +99,9 @@ def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
 
 
 def test_joint_damping_is_part_of_the_bias(state: State) -> None:
-    """0.2 N·m·s/rad of the MJCF's joints: power lost where nothing else changes with the sign of the motion."""
+    """Only the damping of the MJCF's joints, 0.2 N·m·s/rad, changes the sign of its power with
+    the direction of motion.
+    """
     bias = state.bodies().bias_force[6:]
     state.velocity, state.turning, state.speeds = -state.velocity, -state.turning, -state.speeds
     np.testing.assert_allclose(0.5 * (bias - state.bodies().bias_force[6:]), -0.2 * state.speeds, atol=1e-9)

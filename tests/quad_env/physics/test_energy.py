@@ -1,4 +1,4 @@
-"""What motors do in a control step: by hand, with rows of their own, and only where it is asked for."""
+"""Motor energy of a control step, by hand, for rows of a batch, and only on request."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +17,7 @@ HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 
 
 class Batch:
-    """Two robots whose physics is written down: twelve joints each, of which the first moves."""
+    """Two robots with prescribed physics; the first of twelve joints moves."""
 
     def __init__(self) -> None:
         self.fields = {name: np.zeros((2, 18)) for name in ("qvel", "qDeriv")} | {"actuator_force": np.zeros((2, 12))}
@@ -32,7 +32,7 @@ class Batch:
 
 
 def metered(actuator: Actuator) -> tuple[Batch, MotorMeter]:
-    """Physics steps of 0.1 s; the joints' own damping is 0.5 N·m·s/rad, the motors' 2."""
+    """Return a batch and its meter: physics steps of 0.1 s, joint damping 0.5 N·m·s/rad, motor damping 2 N·m·s/rad."""
     batch = Batch()
     batch.fields["qDeriv"][:, 6:] = -2.5
     model = SimpleNamespace(
@@ -46,7 +46,7 @@ def metered(actuator: Actuator) -> tuple[Batch, MotorMeter]:
 
 
 def test_a_control_step_by_hand() -> None:
-    """Torques of 10 − 2 · 1 and −3 − 2 · (−4) N·m at mean speeds of 0.5 and −1 rad/s; robot 0 alone is stepped."""
+    """Torques of 10 − 2 · 1 and −3 − 2 · (−4) N·m at mean speeds of 0.5 and −1 rad/s; only robot 0 is stepped."""
     batch, meter = metered(Actuator(TorqueSpeed(40.0, 10.0)))
     steps = iter([(10.0, 1.0, 30.0), (-3.0, -3.0, 50.0)])
 
@@ -83,7 +83,7 @@ def test_a_control_step_by_hand() -> None:
 
 
 def test_the_change_of_a_robot_s_torque_is_from_its_own_before_where_it_moves_alone() -> None:
-    """Robot 1 from 0 to 7 and then to 4 N·m, while robot 0 has stayed at 5."""
+    """The torque of robot 1 changes from 0 to 7 and then to 4 N·m, while robot 0 stays at 5 N·m."""
     batch, meter = metered(Actuator())
     both = np.arange(2)
     for ids, torques, changes in (([0, 1], [5.0, 7.0], [5.0, 7.0]), ([1], [0.0, 4.0], [5.0, 3.0])):
@@ -116,7 +116,7 @@ def test_physics_steps_are_taken_one_by_one_for_readings_alone(monkeypatch) -> N
 
 
 def test_readings_are_the_same_with_sensors_that_look_at_the_physics_again() -> None:
-    """An IMU has MuJoCo compute torques and contacts of the present state."""
+    """An IMU lets MuJoCo compute torques and contacts of the present state."""
     blind, sensing = (SimpleQuadVectorEnv(2, readings=True, sensors=sensors) for sensors in (None, "typical"))
     for env in (blind, sensing):
         env.reset(seed=1, options={"command": (0.5, 0.0, 0.0)})
@@ -133,7 +133,7 @@ def test_a_robot_that_does_not_move_keeps_its_readings_and_a_new_episode_begins_
     env.reset(seed=0)
     for _ in range(20):
         infos = env.step(np.tile(HOME, (2, 1)))[-1]
-    env.simulation.qvel[1, 3] = 1e30  # diverges, and is parked
+    env.simulation.qvel[1, 3] = 1e30  # the robot diverges and is reset to the home pose
     parked = env.step(np.tile(HOME, (2, 1)))[-1]
     assert parked["diverged"].tolist() == [False, True]
     later = env.step(np.tile(HOME, (2, 1)))[-1]
@@ -147,7 +147,7 @@ def test_a_robot_that_does_not_move_keeps_its_readings_and_a_new_episode_begins_
 
 
 def test_the_first_step_after_a_reset_is_measured_as_that_of_a_robot_that_has_done_nothing_before() -> None:
-    """Of the robot that begins again; the change of the other one's torque is from its step before."""
+    """The torque change of the other robot is relative to its previous step."""
     used, fresh = (SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED") for _ in range(2))
     twin = SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED")
     rng = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""Swings and touch-downs of the feet by hand, of robots that move in part."""
+"""Swings and touch-downs of the feet by hand, for steps of some robots."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ FEET, SITES = [1, 3, 4, 6], 8
 
 
 class Robots:
-    """Three robots whose contacts and heights of the feet are written down; each foot has two sensors."""
+    """Three robots with prescribed contacts and heights of the feet; each foot has two sensors."""
 
     def __init__(self) -> None:
         self.contacts = [[np.zeros((3, 1)), np.zeros((3, 1))] for _ in FEET]
@@ -18,7 +18,7 @@ class Robots:
         self.steps.reset(slice(None))
 
     def step(self, contact: list[int], height: float, robots: list[int] | None = None) -> None:
-        """A control step of some robots, by default all, in which the first foot is there."""
+        """Step some robots, by default all, with the first foot's contact and height."""
         ids = np.arange(3) if robots is None else np.array(robots)
         self.contacts[0][len(contact) % 2][:] = 0.0
         self.contacts[0][0][ids, 0] = contact
@@ -27,12 +27,12 @@ class Robots:
 
     @property
     def seen(self) -> list[tuple[float, float]]:
-        """Swing time, s, and speed at touch-down, m/s, of each robot's first foot."""
+        """Return the swing time, s, and the touch-down speed, m/s, of each robot's first foot."""
         return list(zip(self.steps.swing_time[:, 0].tolist(), self.steps.touchdown_speed[:, 0].tolist(), strict=True))
 
 
 def test_a_touch_down_ends_a_swing_and_is_told_in_that_step_alone() -> None:
-    """Three steps in the air, the last down by 4 mm in 10 ms."""
+    """The foot is in the air for three steps, and falls by 4 mm in 10 ms at the end."""
     robots = Robots()
     for height in (0.02, 0.03, 0.026):
         robots.step([0, 0, 0], height)
@@ -45,7 +45,7 @@ def test_a_touch_down_ends_a_swing_and_is_told_in_that_step_alone() -> None:
 
 
 def test_a_foot_that_is_off_the_ground_in_one_step_has_bounced() -> None:
-    """And one that is off it in two has swung; one that rises has no speed down."""
+    """A foot that is off the ground in two steps has a swing; a rising foot has no downward speed."""
     robots = Robots()
     for contact in (1, 0, 1):
         robots.step([contact] * 3, 0.01)
@@ -79,7 +79,7 @@ def test_a_robot_that_begins_again_has_no_swing_and_no_speed_from_before() -> No
     robots.steps.reset(np.array([2]))
     for contact, height in ((0, 0.5), (0, 0.5), (1, 0.4)):
         robots.step([contact], height, [2])
-    assert robots.seen[2] == pytest.approx((0.02, 0.0))  # it did not come down from where it was before
+    assert robots.seen[2] == pytest.approx((0.02, 0.0))  # the height before does not count
 
 
 def test_a_part_touches_the_ground_where_any_of_its_sensors_says_so() -> None:

@@ -1,4 +1,4 @@
-"""Friction and softness, each measured on a robot that stands."""
+"""Friction and softness of the ground, each measured on a standing robot."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ WEIGHT = SIMPLE_QUAD.mass * 9.81
 
 
 def stand(simulation: Simulation, steps: int, force: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Feet of a robot that has stood in its home pose under a steady force on its trunk, (4, 3)."""
+    """Return the feet of a robot that stood in its home pose under a constant force on its trunk, (4, 3)."""
     simulation.reset(np.arange(1), np.zeros((1, 35)), np.array([force]))
     for _ in range(steps):
         simulation.step(SIMPLE_QUAD.home_pose[None], None)

@@ -1,4 +1,4 @@
-"""MuJoCo's log of a simulation that diverges does not appear in the folder where somebody happens to work."""
+"""MuJoCo writes no log of a diverging simulation into the working folder."""
 
 import subprocess
 import sys

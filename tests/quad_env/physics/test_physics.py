@@ -1,4 +1,4 @@
-"""Gains, contact and solver settings hold what the XML says of them."""
+"""Gains, contact and solver settings have the effects that the XML states."""
 
 import mujoco
 import numpy as np
@@ -28,7 +28,7 @@ def run(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
 
 
 def stride(model: mujoco.MjModel) -> Trace:
-    """Trunk position and joint angles over one marching stride of 0.4 s, a row each 10 ms."""
+    """Return trunk position and joint angles over one stride of 0.4 s in place, one row per 10 ms."""
     data, rows = at_home(model), []
     for tick in range(40):
         swing = np.sin(2 * np.pi * 2.5 * tick * 0.01)
@@ -46,9 +46,9 @@ def test_standing_settles_fast_and_holds_the_weight() -> None:
     run(model, data, 0.1)
     early = data.qpos[2]
     run(model, data, 2.0)
-    assert abs(early - data.qpos[2]) < 0.001  # settled within a millimetre after 0.1 s
+    assert abs(early - data.qpos[2]) < 0.001  # settled to a millimetre after 0.1 s
     assert np.abs(data.qpos[7:] - SIMPLE_QUAD.home_pose).max() < 0.02
-    assert np.abs(data.qvel).max() < 1e-3  # nothing chatters
+    assert np.abs(data.qvel).max() < 1e-3  # without chatter
 
 
 def test_a_standing_foot_neither_sinks_nor_creeps_under_a_side_load() -> None:

@@ -1,5 +1,8 @@
-"""Domain randomisation: whose figures change, when, and what follows from them. What each field does is tested in
-`tests/quad_env/envs/test_every_field.py`, that robots move by the models shown in `test_state.py`."""
+"""Domain randomisation: robots, times and consequences of changes.
+
+`tests/quad_env/envs/test_every_field.py` tests the effect of each field, and `test_state.py` that robots move by the
+models shown.
+"""
 
 import copy
 from collections.abc import Iterator
@@ -29,7 +32,7 @@ FIELDS += ("actuator_forcerange", "dof_invweight0", "bvh_aabb")
 
 @contextmanager
 def robots(name: str = "flat+randomised", **options: Any) -> Iterator[SimpleQuadVectorEnv]:
-    """Robots of these seeds, in their first episodes."""
+    """Return robots of some seeds in their first episodes."""
     env = SimpleQuadVectorEnv(len(SEEDS), name, **options)
     env.reset(seed=SEEDS)
     yield env
@@ -37,7 +40,7 @@ def robots(name: str = "flat+randomised", **options: Any) -> Iterator[SimpleQuad
 
 
 def figures(env: Any, row: int = 0) -> dict[str, np.ndarray]:
-    """A robot's own model."""
+    """Return the model parameters of a robot."""
     env.simulation.sync_model(row)
     return {field: getattr(env.simulation.model, field).copy() for field in FIELDS}
 
@@ -122,7 +125,7 @@ def test_figures_stay_within_their_ranges_and_fill_them() -> None:
 
 
 def test_warm_motors_are_derated_from_the_torque_of_their_own_strength() -> None:
-    """Until they are switched off; an episode that starts has all of its own torque again."""
+    """The derating ends in the shutdown; a new episode starts with the robot's full torque."""
     hot = replace(ACTUATORS["motor"], thermal=Thermal(4.0, 0.05))
     with robots(actuator=hot, terminate_on_fall=False) as env:
         strength = EpisodeSample(SIMPLE_QUAD, env.scenario, SEEDS[1], 0, 0.01).randomised.motor_strength
@@ -190,7 +193,10 @@ def test_what_is_no_range_is_refused(settings: dict[str, Any], words: str) -> No
 
 
 def test_every_figure_of_a_robot_is_the_usual_one_times_its_own_factor() -> None:
-    """Motors are limited alike both ways; the second of two robots begins anew, and the first keeps its figures."""
+    """Motors have equal limits in both directions.
+
+    The second of two robots is reset, and the first keeps its parameters.
+    """
     scenario = replace(quad_env.SCENARIOS["flat"], randomisation=DomainRandomisation())
     env = SimpleQuadVectorEnv(2, scenario, autoreset_mode="DISABLED")
     usual = compile_model(SIMPLE_QUAD, replace(scenario, randomisation=None))

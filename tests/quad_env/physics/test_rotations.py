@@ -1,4 +1,4 @@
-"""Cross products, to the bit as NumPy's."""
+"""Cross products have the bits of NumPy's."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A single env and env i of any batch, at any number of threads, give the same bits: observations, rewards, infos."""
+"""A single env and env i of any batch have equal bits, at any number of threads: observations, rewards, infos."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,7 +20,7 @@ FEET = TaskConfig(reward_weights=RewardWeights(foot_air_time=1.0))
 
 
 def random_actions(robot: int) -> np.ndarray:
-    """The same actions for a robot wherever it is; wild enough that some fall and others time out."""
+    """Return the actions of a robot, equal in every batch, with some falls and some truncations."""
     rng = np.random.default_rng(robot)
     wild = 0.15 + 0.25 * (robot % 3)
     return np.clip(
@@ -29,7 +29,7 @@ def random_actions(robot: int) -> np.ndarray:
 
 
 def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any], row: int) -> bytes:
-    """Every number of one robot's step."""
+    """Return the digest of all numbers of one robot's step."""
     arrays = [np.asarray(part)[row] for part in (observation, reward, terminated, truncated)]
     arrays += [info[key][row] for key in sorted(info) if not key.startswith("_")]
     return b"".join(np.asarray(array).tobytes() for array in arrays)
@@ -58,7 +58,7 @@ def batch_digests(
 
 
 def batched(info: dict[str, Any]) -> dict[str, Any]:
-    """A single env's info as that of a batch of one."""
+    """Return the infos of a single env in the format of a batch of one."""
     return {key: [value] for key, value in info.items()}
 
 
@@ -80,14 +80,14 @@ def single_digests(scenario: str, robot: int, steps: int, limit: int, **options:
 
 @pytest.mark.parametrize("axis", sorted({"flat", *AXES}))
 def test_on_every_axis_a_single_env_equals_its_row_in_a_batch_on_2_threads(axis: str) -> None:
-    """Over three episodes, so that delays, sensors, payloads and filters start again at different times."""
+    """Three episodes let delays, sensors, payloads and filters start at different times."""
     short = {"steps": 120, "limit": 45}
     singles = [single_digests(axis, robot, **short) for robot in (0, 2)]
     assert batch_digests(axis, 7, 2, [0, 2], **short) == singles
 
 
 def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches() -> None:
-    """Of windings so small that motors are derated and switched off; robots fall at different times."""
+    """The windings are so small that motors derate and switch off; robots fall at different times."""
     actuator = replace(ACTUATORS["motor"], thermal=Thermal(4.0, 0.5))
     short: dict[str, Any] = {"steps": 260, "limit": 150, "actuator": actuator}
     singles = [single_digests("payload=5+slow_motors=8", robot, **short) for robot in range(3)]
@@ -115,7 +115,7 @@ SCAN = HeightScan(ahead=6, behind=2, aside=3, noise=0.02, delay=0.03, rate=50.0)
     ],
 )
 def test_what_is_asked_for_besides_is_the_same_alone_and_in_batches(scenario: str, options: dict[str, Any]) -> None:
-    """Over three episodes."""
+    """Additional outputs are compared over three episodes."""
     short: dict[str, Any] = {"steps": 100, "limit": 45} | options
     singles = [single_digests(scenario, robot, **short) for robot in (0, 2)]
     assert batch_digests(scenario, 7, 2, [0, 2], **short) == singles

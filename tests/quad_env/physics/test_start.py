@@ -1,4 +1,4 @@
-"""Who takes the model and steps it without the keyframe stands on straight legs."""
+"""A robot stands on straight legs in the model's initial state without the keyframe."""
 
 import mujoco
 import numpy as np
@@ -33,7 +33,7 @@ def test_the_model_of_an_environment_stands(scenario: str) -> None:
 
 
 def test_what_mujoco_derives_has_the_bits_of_a_robot_that_starts_at_the_height_of_the_home_pose() -> None:
-    """Recorded episodes rest on them."""
+    """Recorded episodes depend on these bits."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     spec.body("base_link").pos[2] = spec.key("home").qpos[2]
     at_home, ours = spec.compile(), compile_model(SIMPLE_QUAD, SCENARIOS["flat"])

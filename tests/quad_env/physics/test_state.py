@@ -1,4 +1,4 @@
-"""Frames, quaternion order and freshness of the readings, each against MuJoCo's own or a number worked out by hand."""
+"""Frames, quaternion order and time of the readings, compared with MuJoCo or with numbers computed by hand."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> 
     rng, touches = np.random.default_rng(0), 0
     simulation = Simulation(SIMPLE_QUAD, scenario(name))
     start, *others = stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario(name), 0, 0, 0.01)])
-    start[0, 3] = 3.0  # rad of roll: it lies on its back
+    start[0, 3] = 3.0  # rad of roll: the robot lies on its back
     simulation.reset(np.arange(1), start, *others)
     data = simulation.snapshot(0)
     data.qacc_warmstart[:] = 0.0

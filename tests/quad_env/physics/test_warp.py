@@ -1,6 +1,7 @@
-"""MuJoCo Warp against MuJoCo, on the same states: what robots observe, earn and end by. It compiles for a minute once.
+"""MuJoCo Warp and MuJoCo agree on equal states: observations, rewards and ends of episodes.
 
-Both solve by Newton's method here: SimpleQuad's own solver, PGS, which Warp does not have, stops at some error.
+The first run compiles for a minute. Both use Newton's method here, since Warp lacks SimpleQuad's own solver, PGS, which
+stops with some error.
 """
 
 from collections.abc import Callable
@@ -23,9 +24,9 @@ from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 
 ROBOTS = 4
 FIRST = 10
-"""Control steps that are not compared: a foot that just touches the ground does so in one precision alone."""
+"""Control steps that are not compared, since a foot that just touches the ground may do so in one precision only."""
 SCALE = observation_table(SIMPLE_QUAD).scale
-"""Brings observations to unit size, as learners see them."""
+"""Scale of observations to unit size, as for learners."""
 CONFIG = quad_env.TaskConfig(timestep=0.005, reward_weights=quad_env.RewardWeights(mechanical_power=-0.01))
 SUPPORTED = (
     *("flat", "push=50", "slope=20", "stairs=0.1", "soft=0.02", "slippery=0.2", "payload=10", "weak_motors=20"),
@@ -35,7 +36,7 @@ SUPPORTED = (
 
 @pytest.fixture(autouse=True)
 def newton(monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo's models with that solver."""
+    """Let MuJoCo's models use Newton's method."""
     stepped_model = simulation.make_stepping_model
 
     def solved(*args: Any) -> mujoco.MjModel:
@@ -53,8 +54,9 @@ def robots(scenario: str, simulator: str) -> SimpleQuadVectorEnv:
 
 
 def compare(scenario: str, steps: int = 40) -> None:
-    """Steps of robots that trot, each from MuJoCo's state: scaled observations, rewards and ends
-    within 1e-4."""
+    """Check that observations, rewards and ends of trotting robots agree within 1e-4, from
+    MuJoCo's state in each step.
+    """
     ours, theirs = robots(scenario, "mujoco"), robots(scenario, "warp")
     observation, _ = ours.reset(seed=1)
     np.testing.assert_allclose(theirs.reset(seed=1)[0], observation, atol=1e-6)
@@ -95,7 +97,7 @@ def test_energy_is_not_measured_there() -> None:
 
 
 def changed(change: Callable[[WarpBatch], None]) -> Plant:
-    """Every step ends with that."""
+    """Apply a change at the end of every step."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
         true_step = WarpBatch.step
@@ -110,7 +112,7 @@ def changed(change: Callable[[WarpBatch], None]) -> Plant:
 
 
 def turned(batch: WarpBatch) -> None:
-    """Angular velocities in the world frame."""
+    """Return angular velocities in the world frame."""
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     for place, rates in zip(qpos, qvel, strict=True):
         mujoco.mju_rotVecQuat(rates[3:6], rates[3:6].copy(), place[3:7])

@@ -1,4 +1,4 @@
-"""SimpleQuad in another size: every length, mass, moment and torque of its MJCF as dynamic similarity has it."""
+"""SimpleQuad of another size: lengths, masses, moments and torques of its MJCF, scaled by dynamic similarity."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def alike(folder: Path, longer: float = 0.4, heavier: float = 0.1) -> Robot:
-    """The robot of that many times its length and mass, as a user's."""
+    """Return the robot with scaled length and mass, as a user's robot."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     spec.modelname, time = "alike", np.sqrt(longer)
     for sensor in list(spec.sensors):

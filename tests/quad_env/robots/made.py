@@ -1,4 +1,4 @@
-"""Quadrupeds as MJCF text, of which tests change what they like."""
+"""Quadrupeds as MJCF text, with parts that tests change."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,20 +22,20 @@ PLACES = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1), "ml": (0, 
 
 @dataclass
 class Made:
-    """A quadruped; lengths in m, angles in rad."""
+    """Quadruped; lengths in m, angles in rad."""
 
     order: tuple[str, ...] = ("fr", "fl", "hr", "hl")
     names: dict[str, str] = field(default_factory=lambda: dict(zip(PLACES, "ABCDE", strict=True)))
     signs: tuple[int, int, int] = (1, 1, 1)
     zeros: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Joints in a robot's terms where the model has them at zero."""
+    """Joint angles of the robot convention at the zero of the model."""
     knees: tuple[int, int] = (-1, -1)
-    """Signs of the bends of the fore and of the hind knees."""
+    """Signs of the knee bends of the front and of the hind legs."""
     mass: float = 6.0
     lengths: tuple[float, float, float] = (0.08, 0.2, 0.22)
-    """Hip offset, thigh and calf."""
+    """Lengths of hip offset, thigh and calf."""
     aside: tuple[float, float] = (0.0, 0.0)
-    """Of the thigh joint ahead of the hip joint, of the knee outboard of the thigh joint; the hip offset is of both."""
+    """Forward offset of the thigh joint, and outward offset of the knee; the hip offset is their sum."""
     free: str = "<freejoint/>"
     foot: str = '<geom type="sphere" size="0.025" pos="{x} 0 {z}"/>'
     limits: tuple[tuple[float, float], ...] | None = None
@@ -45,7 +45,7 @@ class Made:
     hinges: int = 3
 
     def xml(self) -> str:
-        """The model."""
+        """Return the MJCF text."""
         legs = "".join(self._leg(leg) for leg in self.order)
         head = HEAD.format(free=self.free, mass=self.mass, trunk="0.22 0.1 0.05", obstacle=self.obstacle)
         joints = [self._joint(leg, number) for leg in self.order for number in range(self.hinges)]
@@ -54,7 +54,7 @@ class Made:
         return f"{head}{legs}{self.extra}</body></worldbody><actuator>{motors}</actuator></mujoco>"
 
     def write(self, folder: Path, name: str = "made.xml") -> Path:
-        """A file with it."""
+        """Write the MJCF file and return its path."""
         path = folder / name
         path.write_text(self.xml(), encoding="utf-8")
         return path
@@ -63,7 +63,7 @@ class Made:
         return f"{self.names[leg]}{number}"
 
     def _range(self, leg: str, number: int) -> str:
-        """In the model's terms."""
+        """Return the range attribute of a joint in the convention of the model."""
         knee = self.knees[leg[0] == "h"]
         wide = ((-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3) if knee < 0 else (0.3, 2.5))
         ends = (self.limits or wide)[number]

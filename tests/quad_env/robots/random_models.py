@@ -1,4 +1,4 @@
-"""Quadrupeds as MJCF text with random values of every attribute that changes the motion, and what was drawn."""
+"""Quadrupeds as MJCF text with random values of every attribute that affects motion, and a record of the values."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,7 @@ import numpy as np
 LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
 LINKS = "hip", "thigh", "calf"
 RANGES = (-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3)
-"""Angles of hip, thigh and calf in a robot's terms, rad."""
+"""rad. Ranges of hip, thigh and calf in the robot convention."""
 ARM = """<body name="arm" pos="0.05 0 0.05" gravcomp="{lift}">
 <joint name="arm_0" axis="0 0 1" stiffness="3" damping="1"/>
 <geom type="capsule" fromto="0 0 0 0 0 .2" size=".02" mass="0.7"/><body name="arm_1" pos="0 0 .2">
@@ -16,48 +16,48 @@ ARM = """<body name="arm" pos="0.05 0 0.05" gravcomp="{lift}">
 
 
 def number(value: float) -> str:
-    """Text of a number, to its last bit."""
+    """Return the text of a number to its last bit."""
     return repr(float(value))
 
 
 @dataclass
 class Joint:
-    """A leg's joint: how it reads, in a robot's terms, and its motors."""
+    """A leg joint: its sign and offset in the robot convention."""
 
     name: str
     sign: int
     zero: float
-    """Leg angles at `qpos0`, in a robot's terms, rad."""
+    """Angle at `qpos0` in the robot convention, rad."""
     ref: float
 
 
 @dataclass
 class Drawn:
-    """A model and what of it the robot is to lack."""
+    """A model, and its features that the robot must not have."""
 
     rng: np.random.Generator
     joints: list[Joint] = field(default_factory=list)
     headings: set[str] = field(default_factory=set)
-    """Headings of the lines about what is left out or replaced."""
+    """Headings of the lines about omitted or replaced features."""
     motors: list[str] = field(default_factory=list)
     tendons: list[str] = field(default_factory=list)
     equalities: list[str] = field(default_factory=list)
     has_arm: bool = False
     unit: float = 1.0
-    """Angles of the text in a radian."""
+    """Angle unit of the text, per radian."""
     xml: str = ""
 
     def often(self, share: float = 0.5) -> bool:
-        """True in that share of calls."""
+        """Return True with a probability."""
         return bool(self.rng.random() < share)
 
     def some(self, low: float, high: float, count: int = 1) -> str:
-        """Text of uniform values."""
+        """Return the text of uniform random values."""
         return " ".join(map(number, self.rng.uniform(low, high, count)))
 
 
 def draw(seed: int) -> Drawn:
-    """The model of a seed."""
+    """Return the model of a seed."""
     drawn = Drawn(np.random.default_rng(seed))
     degrees = drawn.often()
     drawn.unit = float(np.rad2deg(1.0)) if degrees else 1.0
@@ -98,14 +98,14 @@ def _option(drawn: Drawn) -> str:
     if attributes or flags:
         drawn.headings.add("settings")
     if drawn.often(0.3):
-        attributes += ' timestep="0.004" integrator="Euler" solver="CG"'  # numerics, which nobody is told of
+        attributes += ' timestep="0.004" integrator="Euler" solver="CG"'  # numerical settings; no message names them
     if drawn.often(0.7):
         attributes += ' actuatorgroupdisable="5"'
     return f"<option{attributes}>{flags}</option>"
 
 
 def _class_attributes(drawn: Drawn) -> tuple[str, bool]:
-    """Of a class of all joints, and whether a free joint has them too."""
+    """Return the attributes of the default class of joints, and whether a free joint has them as well."""
     text = f'armature="{drawn.some(0.001, 0.02)}"' if drawn.often() else ""
     text += f' damping="{drawn.some(0.1, 2.0)}"' if drawn.often(0.3) else ""
     text += f' frictionloss="{drawn.some(0.1, 0.5)}"' if drawn.often(0.3) else ""
@@ -141,7 +141,7 @@ def _gravcomp(drawn: Drawn) -> str:
 
 
 def _inertial(drawn: Drawn, mass: float, size: float) -> str:
-    """A body in any orientation: inertias of three point masses that satisfy A + B > C."""
+    """Return a body in any orientation; the inertia of three point masses satisfies A + B > C."""
     squares = drawn.rng.uniform(0.5, 1.5, 3) * size**2 / 3.0
     moments = mass * (squares.sum() - squares)
     place = f'pos="{drawn.some(-0.03, 0.03, 3)}" mass="{number(mass * drawn.rng.uniform(0.8, 1.2))}"'
@@ -156,7 +156,7 @@ def _inertial(drawn: Drawn, mass: float, size: float) -> str:
 
 
 def _masses(drawn: Drawn, mass: float, size: float) -> str:
-    """Inertia of a link: its own, or that of a shape, which is only seen."""
+    """Return the inertia of a link: explicit, or that of a visual shape."""
     if drawn.often(0.7):
         return _inertial(drawn, mass, size)
     turned = " ".join(map(number, drawn.rng.normal(size=4)))
@@ -167,7 +167,7 @@ def _masses(drawn: Drawn, mass: float, size: float) -> str:
 
 
 def _cable(drawn: Drawn, leg: str) -> None:
-    """A motor that pulls at thigh and calf by one tendon, besides their own; some are switched off."""
+    """Add a motor on a tendon of thigh and calf to their own motors; some motors are disabled."""
     if drawn.often(0.9):
         return
     pulled = "".join(f'<joint joint="{leg}_{link}" coef="{drawn.some(-2.0, 2.0)}"/>' for link in LINKS[1:])
@@ -226,7 +226,7 @@ def _joint(drawn: Drawn, joint: Joint, place: int) -> str:
 
 
 def _motors(drawn: Drawn, joint: Joint) -> None:
-    """One of the ways in which models drive a joint."""
+    """Add one of the usual actuators of a joint."""
     at = f'joint="{joint.name}"' if drawn.often(0.9) else f'jointinparent="{joint.name}"'
     gear = f'gear="{number(drawn.rng.choice((-1, 1)) * drawn.rng.uniform(0.5, 3.0))}"' if drawn.often(0.3) else ""
     rotor = f'armature="{drawn.some(0.001, 0.01)}" damping="{drawn.some(0.01, 0.1, 3)}"' if drawn.often(0.2) else ""
@@ -253,6 +253,6 @@ def _motors(drawn: Drawn, joint: Joint) -> None:
         drawn.tendons.append(f"{tendon}</fixed>")
         drawn.motors.append(f'<motor tendon="{name}" {gear} {limit}/>')
     elif drawn.often(0.1):
-        drawn.motors.append(f'<position {at} kp="60"/>')  # nothing limits it
+        drawn.motors.append(f'<position {at} kp="60"/>')  # no limit
     else:
         drawn.motors.append(f'<pid {at} kp="50" kv="1" input="pos vel ff" {force}/>')

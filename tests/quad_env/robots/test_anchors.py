@@ -1,4 +1,4 @@
-"""A joint is where its anchor is, not where the frame of its body is; a robot without finite figures is refused."""
+"""A joint is at its anchor, not at the frame of its body; a robot with non-finite numbers is refused."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ RANGES = "-0.8 0.8", "-1.6 1.6", "-2.5 -0.3"
 
 
 def model_of(in_the_joints: bool) -> str:
-    """The same quadruped: with its bodies in its joints, or all of them at the trunk's origin."""
+    """Return a quadruped with its bodies at the joints, or with all bodies at the origin of the trunk."""
     model = Made().xml()
     head = model[: model.index('<body pos="0.2')]
     tail = model[model.index("</body></worldbody>") :]

@@ -1,4 +1,4 @@
-"""An environment knows of its robot what the robot says: SimpleQuad under other names, and a weaker one."""
+"""An environment takes the parameters of its robot: SimpleQuad with other names, and a weaker one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ SOFT = replace(SCENARIOS["surprise"], name="soft surprise", ground=Ground(sink_d
 
 
 def rewritten(folder: Path, changes: dict[str, str], **figures: object) -> Robot:
-    """SimpleQuad with those changes of its MJCF."""
+    """Return SimpleQuad with text replacements in its MJCF."""
     text, mjcf = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8"), folder / "robot.xml"
     for old, new in changes.items():
         assert old in text
@@ -26,7 +26,7 @@ def rewritten(folder: Path, changes: dict[str, str], **figures: object) -> Robot
 
 
 def test_names_of_legs_and_joints_are_the_robots_own(tmp_path: Path) -> None:
-    """Ground contacts, feet, thighs, probes, drives, payload and soft ground all look for parts by name."""
+    """Ground contacts, feet, thighs, sensors, drives, payload and soft ground refer to parts by name."""
     renamed = rewritten(
         tmp_path,
         {f"{old}_": f"{new}_" for old, new in NAMES.items()},
@@ -62,7 +62,7 @@ def test_targets_pose_torque_and_speed_are_those_of_the_robot(weak: Robot, actua
     np.testing.assert_allclose((env.action_space.low[::3], env.action_space.high[::3]), [4 * [-0.3], 4 * [0.4]])
     seen, _ = env.reset(seed=0)
     position, asked = (env.unwrapped.observation_table.slices[name] for name in ("joint_position", "previous_action"))
-    assert np.abs(seen[position]).max() <= 0.05 + 1e-6  # the start noise about its own home pose
+    assert np.abs(seen[position]).max() <= 0.05 + 1e-6  # start noise around the robot's home pose
     torques, overspeed = [], []
     for _ in range(20):
         seen, *_, info = env.step(np.tile((1.0, -1.0, 0.0), 4))

@@ -1,4 +1,4 @@
-"""Every geom that a stance can stand on belongs to the foot: contacts, standing height and a trot are those of it."""
+"""The foot has every geom that can support a stance: contacts, standing height and a trot use them."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def welded_ball(x: float) -> str:
     return f'<body pos="{x} 0 -0.22">{ball(0.0, 0.0, z=0.0)}</body>'
 
 
-FEET = {  # shape of the foot, and how many of its geoms touch in some pose
+FEET = {  # shape of the foot, and number of its geoms that touch the ground in any pose
     "one ball": (ball(0, 0), 1),
     "two balls fore and aft": (ball(0.03, 0) + ball(-0.03, 0), 2),
     "two balls fore and aft, the toe longer": (ball(0.05, 0, z=-0.215) + ball(-0.02, 0), 2),
@@ -104,7 +104,7 @@ def test_the_robot_stands_on_its_feet_at_its_home_height(shape: str, knees: tupl
 
 @pytest.mark.parametrize("shape", ["bumper on the shin", "bumper on the calf side", "one ball"])
 def test_what_never_touches_is_no_foot_and_leaves_the_ball_as_it_is(shape: str, tmp_path: Path) -> None:
-    """Geoms that touch with one bend direction of the knee may not with the other."""
+    """Geoms that touch the ground with one bend direction of the knee may not with the other."""
     robot = robot_with(FEET[shape][0], tmp_path, knees=(1, 1))
     assert all(len(foot_geoms(robot.model, leg)) == 1 for leg in robot.leg_names)
     assert not robot.foot_points.size
@@ -168,7 +168,7 @@ def test_every_geom_below_the_knee_is_watched_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("shape", ["one ball", "two balls fore and aft", "box"])
 @pytest.mark.parametrize("pose", [(0.3, 0.6, -1.2, -0.3, 0.6, -1.2), (0.1, 0.5, -1.1, -0.2, 0.7, -1.3)])
 def test_the_lowest_foot_touches_in_any_home_pose(shape: str, pose: tuple[float, ...], tmp_path: Path) -> None:
-    """With hips to the side, and with legs that are bent by different angles."""
+    """The poses have hips turned to the side, and legs bent by different angles."""
     model = Made(order=("fl", "fr", "hl", "hr"), foot=SHIN + FEET[shape][0]).xml()
     robot = robot_of_text(tmp_path, model, home_pose=2 * pose)
     assert min(lowest(robot, robot.home_height)) == pytest.approx(0.0, abs=3e-4)

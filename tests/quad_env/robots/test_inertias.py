@@ -1,4 +1,4 @@
-"""Masses are those of the file, and inertias that no body can have are balanced and named."""
+"""Masses equal those of the file; physically impossible inertias are balanced and reported."""
 
 import re
 from pathlib import Path
@@ -87,7 +87,7 @@ def test_an_inertia_of_nothing_is_refused_by_the_name_of_its_body(inertia: str, 
 
 
 def test_it_is_what_mujoco_s_balanceinertia_makes_of_it(tmp_path: Path) -> None:
-    """And it is named where the file asks for that too."""
+    """The inertia is reported also if the file sets `balanceinertia`."""
     model = PLAIN.replace(TRUNK, 'diaginertia="0.01 0.02 0.12"')
     asked = model.replace("<compiler ", '<compiler balanceinertia="true" ')
     theirs = mujoco.MjModel.from_xml_string(asked)
@@ -115,7 +115,7 @@ def test_an_impossible_inertia_of_a_urdf_is_balanced_and_named(tmp_path: Path) -
 
 
 def test_possible_inertias_next_to_an_impossible_one_stay(tmp_path: Path) -> None:
-    """Those of plates too, A + B = C."""
+    """The inertias include those of plates, A + B = C."""
     plate = Made().xml().replace('diaginertia="0.002 0.002 0.002"', 'diaginertia="0.1 0.2 0.3"')
     robot = robot_of_text(tmp_path, plate.replace(TRUNK, 'diaginertia="0.01 0.02 0.12"'))
     inertias = np.sort(robot.model.body_inertia[2:14], axis=1)

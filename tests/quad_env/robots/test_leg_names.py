@@ -1,4 +1,4 @@
-"""Names of joints that contradict their places are told of in a line."""
+"""Joint names that contradict the position of the leg are reported in one line."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ CASES = {
 
 
 def named(folder: Path, said: dict[str, str], words: dict[str, str] = WORDS) -> Robot:
-    """A robot whose leg at each place is named as another one."""
+    """Return a robot with the names `said` at the legs."""
     return Robot.from_mjcf(Made(names={place: words[leg] for place, leg in said.items()}).write(folder))
 
 

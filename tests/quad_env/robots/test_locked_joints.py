@@ -1,4 +1,4 @@
-"""Joints that are none of a leg's are held where the model's reference has them: the robot has twelve joints."""
+"""Joints outside the legs are locked at the model's reference: the robot has twelve joints."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
     assert robot.locked_joints == NAMES
     assert (robot.joint_names, robot.rated_torque) == (plain.joint_names, plain.rated_torque)
     assert robot.mass == pytest.approx(plain.mass + 0.35)
-    assert robot.home_hip_height == pytest.approx(0.2 * np.cos(0.8) + 0.22 * np.cos(0.7))  # by the same keyframe
+    assert robot.home_hip_height == pytest.approx(0.2 * np.cos(0.8) + 0.22 * np.cos(0.7))  # of the same keyframe
     places, theirs = [], mujoco.MjModel.from_xml_string(WITH_ARM)
     for model, trunk, prefix in ((theirs, "torso", ""), (robot.model, "base_link", "own/")):
         data = mujoco.MjData(model)
@@ -50,7 +50,7 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
 
 
 def test_an_arm_is_no_part_of_the_trunk_s_box_and_falls_with_it(tmp_path: Path) -> None:
-    """The trunk is only shown: its own box collides, and both it and the arm are watched for falls."""
+    """The trunk geom is visual only; its bounding box collides, and contacts of both box and arm count as falls."""
     shown = WITH_ARM.replace(TRUNK, TRUNK.replace("/>", f" {UNSEEN}/>"))
     robot = robot_of_text(tmp_path, shown)
     np.testing.assert_allclose(robot.trunk_size, (0.44, 0.2, 0.1), atol=1e-12)

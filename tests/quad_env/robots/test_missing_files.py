@@ -1,4 +1,4 @@
-"""A file that is only shown and is not there is left out and named; one that collides or weighs is refused."""
+"""A missing file of a visual geom is omitted and reported; a missing file with collision or mass is refused."""
 
 from pathlib import Path
 

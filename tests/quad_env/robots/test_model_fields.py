@@ -1,4 +1,4 @@
-"""Every field of MuJoCo's model is listed once, and what a robot lacks of its model is named."""
+"""Every field of MuJoCo's model is listed once, and omitted features of a model are reported."""
 
 import re
 from collections import Counter
@@ -54,7 +54,7 @@ CLOTH = (
 JET = '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0" ctrlrange="0 1"/>'
 JOINT = '<joint name="A1"'
 GEOM = '<geom friction="0.9"/>'
-LACKING = {  # heading and words of a line -> the model
+LACKING = {  # heading and text of a line -> the model
     ("gravcomp", "of torso is left out"): PLAIN.replace('name="torso"', 'name="torso" gravcomp="1"'),
     ("gravcomp", "of gripper is left out"): PLAIN.replace(
         TRUNK, TRUNK + ARM.replace('name="gripper"', 'name="gripper" gravcomp="0.5"')
@@ -126,7 +126,7 @@ def test_a_robot_by_name_keeps_the_contacts_of_its_published_results(tmp_path: P
     assert not Robot.from_mjcf(named.mjcf).model.geom_margin.any()
 
 
-REPLACED_TEXTS = {  # place in the text -> what is written there
+REPLACED_TEXTS = {  # position in the text -> replacements
     GEOM: [
         'margin="0.02"',
         'gap="0.01"',
@@ -181,7 +181,7 @@ SITE_CLASS = '<site type="box" size="0.2 0.001 0.001" pos="0.1 0.1 0.1" euler="0
 
 
 def test_parts_that_are_added_inherit_nothing_from_the_model_s_classes(tmp_path: Path) -> None:
-    """A box of the trunk that collides, and the sites of the sensors."""
+    """The parts are a colliding box of the trunk, and the sites of the sensors."""
     shown = PLAIN.replace(TRUNK, TRUNK.replace("/>", ' contype="0" conaffinity="0"/>'))
     model = shown.replace(GEOM, CONTACT_CLASS + SITE_CLASS)
     one, other = (robot_of_text(tmp_path, text, f"{len(text)}.xml", name="one") for text in (shown, model))
@@ -196,7 +196,7 @@ def test_parts_that_are_added_inherit_nothing_from_the_model_s_classes(tmp_path:
 
 
 def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
-    """Of geoms and rules; those of bodies and joints are compared by what they do, see `test_random_models`."""
+    """Fields of geoms and rules are compared; the effects of bodies and joints are compared in `test_random_models`."""
     pair = '<pair geom1="one" geom2="two" friction="0.3" margin="0.1"/>'
     rules = f'<contact><exclude body1="torso" body2="hipA"/>{pair}</contact>'
     model = changed('<body pos="0.2 -0.1 0.0"', '<body name="hipA" pos="0.2 -0.1 0.0"')
@@ -220,7 +220,7 @@ def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("stiffness", ["25", "60", "0 0 60"], ids=["weak", "strong", "cubic"])
 def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(stiffness: str, tmp_path: Path) -> None:
-    """Not its servos, whose stiffness is the usual one; without the springs it stands."""
+    """The servos have the usual stiffness; without the springs the robot stands."""
     free = PLAIN.replace("<freejoint/>", '<joint type="free"/>')
     sprung = free.replace(GEOM, f'{GEOM}<joint stiffness="{stiffness}"/>')
     found = stands(DoctorSubject(robot_of_text(tmp_path, sprung)))
@@ -245,7 +245,7 @@ def test_the_digest_tells_quadratic_springs_apart(tmp_path: Path) -> None:
 
 
 def test_a_linkage_is_named_once_the_torque_is_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The motors turn a crank of no leg, which is held: the knees have none, and the rods are left out."""
+    """The motors turn a crank outside the legs, which is locked: the knees have no motors, and the rods are omitted."""
     crank = '<body name="crank{0}"><joint name="crank{0}" axis="0 1 0"/><geom size="0.01" mass="0.01"/></body>'
     model = PLAIN
     for leg in "ABCD":

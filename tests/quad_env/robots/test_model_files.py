@@ -1,4 +1,4 @@
-"""A user's model is read as MuJoCo compiles it: whatever its units, its masses, its scene, its feet and its trunk."""
+"""A user's model has the meaning of MuJoCo's compiler for any units, masses, scene, feet and trunk."""
 
 import copy
 import os
@@ -48,7 +48,7 @@ def robot_of_text(folder: Path, model: str, file: str = "made.xml", **figures: A
 
 
 def in_degrees(model: str) -> str:
-    """The same model with its angles in MuJoCo's default unit."""
+    """Return the model with angles in degrees, MuJoCo's default unit."""
 
     def turned(found: re.Match[str]) -> str:
         return f'{found[1]}="{" ".join(repr(float(np.rad2deg(float(each)))) for each in found[2].split())}"'
@@ -57,7 +57,7 @@ def in_degrees(model: str) -> str:
 
 
 def standing(robot: Robot) -> tuple[SimpleQuadVectorEnv, dict[str, Any]]:
-    """An environment of one robot that has stood for a second, and its last info."""
+    """Return an environment with one robot that stood for a second, and its last info."""
     env = SimpleQuadVectorEnv(1, robot=robot, nthread=1, readings=True)
     env.reset(seed=0, options={"command": np.zeros((1, 3))})
     for _ in range(100):
@@ -99,7 +99,9 @@ COMPILERS = st.fixed_dictionaries(
 def test_every_option_of_the_compiler_is_kept(
     tmp_path: Path, compiler: dict[str, Any], degrees: bool, signs: tuple[int, int, int], zeros: tuple[float, ...]
 ) -> None:
-    assume(compiler.get("inertiafromgeom") != "true" or "discardvisual" not in compiler)  # MuJoCo refuses the two
+    assume(
+        compiler.get("inertiafromgeom") != "true" or "discardvisual" not in compiler
+    )  # MuJoCo refuses this combination
     made = Made(signs=signs, zeros=zeros, foot=SHIN + BALL, extra=TOWER)
     model = made.xml().replace(
         ' armature="0.01"', ' armature="0.01" stiffness="3" springref="0.1" actuatorfrcrange="-20 25"'
@@ -201,7 +203,7 @@ def feet_of(shape: str) -> str:
 
 @pytest.mark.parametrize("shape", FEET)
 def test_the_lowest_geom_is_the_foot_whatever_its_shape(shape: str, tmp_path: Path) -> None:
-    """Its size, its contacts, the weight that it carries, and its height however the leg is turned."""
+    """The test compares size, contacts, carried weight, and height for any orientation of the leg."""
     _, centre, radius, sole = FEET[shape]
     robot = robot_of_text(tmp_path, feet_of(shape))
     assert robot.calf_length == pytest.approx(centre, abs=1e-6)
@@ -237,7 +239,7 @@ HEADS = Made(extra=f'{BALL.format(x=0.3, z=0.1)}<body name="head">{BALL.format(x
 
 @pytest.mark.parametrize("name", ["made", *(each for each in NAMED if each.values[0] in ("go1", "pegasus"))])
 def test_each_colliding_geom_of_each_robot_s_trunk_on_the_ground_is_a_fall(name: str, tmp_path: Path) -> None:
-    """Each, when it alone of the robot can meet the ground and does: within three control steps, by trunk contact."""
+    """Each geom is the only one of the robot that can touch the ground: the fall comes within three control steps."""
     robot = robot_of_text(tmp_path, HEADS) if name == "made" else ROBOTS[name]
     env = SimpleQuadVectorEnv(1, robot=robot, nthread=1)
     model, batch = env.simulation.model, env.simulation.batch
@@ -334,7 +336,7 @@ def test_our_ground_collides_with_what_a_pair_names(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, model.replace("<actuator>", f"<contact>{pairs}</contact><actuator>"))
     _, info = standing(robot)
     assert info["foot_contact"].all()
-    assert robot.model.npair == 1  # the one of its own feet
+    assert robot.model.npair == 1  # the pair of its own feet
 
 
 def test_no_two_geoms_of_a_robot_collide_that_did_not_before(tmp_path: Path) -> None:
@@ -396,7 +398,7 @@ def test_a_keyframe_is_read_with_the_signs_and_zeros_of_the_joints(tmp_path: Pat
 
 
 def test_a_specification_is_of_its_robot_alone(tmp_path: Path) -> None:
-    """It is made once for all models of a robot, of which each changes its own; a file that was changed is read."""
+    """The specification is built once and copied for every model; a changed file is read again."""
     robot = robot_of_text(tmp_path, PLAIN)
     stairs = compile_model(robot, SCENARIOS["stairs"], timestep=0.005)
     flat = compile_model(robot, SCENARIOS["flat"])
@@ -439,7 +441,7 @@ HOSTILE = {
         "large.stl that it names cannot be read: it is larger",
     ),
 }
-"""File -> its text, and what the line says of it."""
+"""File -> its text, and the words of the error."""
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux limits memory")

@@ -1,4 +1,4 @@
-"""No message of MuJoCo comes alone: it says what is wrong and what to do, in a line."""
+"""Every error of MuJoCo is reported in one line with the fault and the remedy."""
 
 import random
 import re
@@ -46,7 +46,7 @@ VALUES = "nan", "inf", "0", "-1", "1e30", "1e-30", "-0.02", "5", ""
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_changed_number_works_or_gives_one_line(seed: int, tmp_path: Path) -> None:
-    """Numbers of geoms, joints and bodies, one or all of a kind, are replaced or left out."""
+    """Numbers of geoms, joints and bodies, one or all of a kind, are replaced or removed."""
     rng = random.Random(seed)
     shins = '<geom type="capsule" size="0.012" fromto="0 0 -0.01 0 0 -0.19" mass="0.1"/>'
     base = Made(foot=shins + Made().foot).xml()

@@ -1,4 +1,4 @@
-"""Shapes that overlap in the home pose do not collide with each other, and a line names them."""
+"""Geoms that overlap in the home pose do not collide with each other, and a line names them."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ INSIDE = "0.21 0.2 0.06"
 
 
 def overlapping() -> str:
-    """A robot whose four thighs reach into its trunk."""
+    """Return a robot with four thighs that overlap its trunk."""
     model = Made(foot=SHIN + Made().foot).xml().replace(TRUNK, TRUNK.replace("0.22 0.1 0.05", INSIDE))
     for leg in "ABCD":
         model = model.replace(f'<joint name="{leg}1"', THIGH.format(leg, leg), 1)
@@ -27,7 +27,7 @@ def overlapping() -> str:
 
 
 def self_contacts(model: mujoco.MjModel) -> int:
-    """Contacts between the robot's own geoms in the home pose."""
+    """Return the contacts between the robot's own geoms in the home pose."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)

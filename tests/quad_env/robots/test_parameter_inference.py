@@ -1,4 +1,4 @@
-"""A robot is anybody's: the same legs are found whatever their names, order, axes and zero pose, and stand and walk."""
+"""Parameters of a user's robot: legs are found for any names, order, axes and zero pose, and they stand and walk."""
 
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ def test_feet_are_where_mujoco_has_them_and_inverse_kinematics_undo_that(robot: 
 
 @pytest.mark.parametrize("robot", WALKING, indirect=True)
 def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
-    """By a policy with feedback: the first of two robots is commanded to stay, the second to go ahead at 0.3 m/s."""
+    """The policy uses feedback: the first of two robots is commanded to stay, the second to walk at 0.3 m/s."""
     policy = policies.make("trot_feedback", robot=robot)
     env = SimpleQuadVectorEnv(2, robot=robot.with_stiff_servos, nthread=1)
     env.reset(seed=0, options={"command": np.zeros((2, 3))})
@@ -85,7 +85,7 @@ def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
                 heights.append([data.site(f"{leg}_foot").xpos[2] for leg in robot.leg_names])
                 places.append(data.qpos[:2].copy())
     np.testing.assert_allclose(np.mean(velocities, axis=0)[1], (0.3, 0.0, 0.0), atol=0.1)
-    assert np.ptp(heights, axis=0).min() > 0.02 * robot.leg_length  # every foot is lifted
+    assert np.ptp(heights, axis=0).min() > 0.02 * robot.leg_length  # every foot lifts off
     assert np.linalg.norm(np.subtract(places, places[0]), axis=1).max() < 0.5 * robot.leg_length
 
 
@@ -133,7 +133,7 @@ def test_simple_quad_read_from_its_own_file_is_simple_quad() -> None:
 
 
 def test_a_robot_turned_round_is_the_same_in_its_own_terms(tmp_path: Path) -> None:
-    """Joints whose axes point the other way, and legs that are bent at zero, have the same inertia and bias."""
+    """Joints with reversed axes, and legs that are bent at zero, have the same inertia and bias."""
     made = Made(), Made(signs=(-1, 1, -1), zeros=(0.3, 0.4, -1.0))
     robots = [Robot.from_mjcf(each.write(tmp_path, f"{n}.xml"), "either") for n, each in enumerate(made)]
     rng = np.random.default_rng(0)
@@ -146,7 +146,10 @@ def test_a_robot_turned_round_is_the_same_in_its_own_terms(tmp_path: Path) -> No
 
 
 def changed(*pairs: str, **made: Any) -> str:
-    """The model of such a quadruped, with texts replaced, old and new in turn, where they are first."""
+    """Return the MJCF text of a quadruped.
+
+    `pairs` are old and new texts in turn, replaced at their first occurrence.
+    """
     text = Made(**made).xml()
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text
@@ -191,7 +194,7 @@ def test_a_broken_model_gives_one_clear_line(said: str, tmp_path: Path) -> None:
 
 
 def test_a_robot_is_called_after_the_file_that_was_given(tmp_path: Path) -> None:
-    """Two files of one model have different names, and a TOML's name comes first."""
+    """Two files of one model have different names; the name in a TOML has priority."""
     one, other, named = tmp_path / "one.xml", tmp_path / "other.toml", tmp_path / "named.toml"
     one.write_text(Made().xml(), encoding="utf-8")
     other.write_text('mjcf = "one.xml"\n', encoding="utf-8")

@@ -1,4 +1,6 @@
-"""Whatever a model's attributes, the robot moves as MuJoCo's own compilation of it does, but for what a line names."""
+"""A robot of a model with any attributes moves as in MuJoCo's compilation, except for the
+features that a line names.
+"""
 
 import os
 from pathlib import Path
@@ -15,14 +17,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.random_models import RANGES, Drawn, draw
 
 COUNT = int(os.environ.get("RANDOM_MODELS", "12"))
-"""Number of models; 500 take some minutes."""
+"""Number of models; 500 take several minutes."""
 STATES = 3
 FORCE = 1e6
-"""N·m; control beyond all limits."""
+"""N·m; a control signal beyond all limits."""
 
 
 def neutral(drawn: Drawn) -> mujoco.MjModel:
-    """MuJoCo's model without what the robot is to lack, as far as a line names it."""
+    """Return MuJoCo's model without the features that the robot must not have, if a line names them."""
     model = mujoco.MjModel.from_xml_string(drawn.xml)
     if "gravcomp" in drawn.headings:
         model.body_gravcomp[:] = 0.0
@@ -45,9 +47,9 @@ def neutral(drawn: Drawn) -> mujoco.MjModel:
 
 
 def largest_torques(drawn: Drawn) -> np.ndarray:
-    """Least and largest torque of each joint by MuJoCo's own `qfrc_actuator`, (12, 2), N·m."""
+    """Return minimum and maximum torque of each joint by MuJoCo's own `qfrc_actuator`, (12, 2), N·m."""
     model = mujoco.MjModel.from_xml_string(drawn.xml)
-    model.body_gravcomp[:] = 0.0  # which `actuatorgravcomp` counts as a motor's
+    model.body_gravcomp[:] = 0.0  # `actuatorgravcomp` would count it as a motor torque
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     levers = np.zeros((model.nout, model.nv))
@@ -93,7 +95,7 @@ def test_a_model_of_random_attributes_moves_as_mujoco_has_it(seed: int, tmp_path
 
 
 def _same_motion(drawn: Drawn, ours: mujoco.MjModel, theirs: mujoco.MjModel) -> None:
-    """Inertia, bias and passive forces at random states; joints of no leg at rest."""
+    """Check that inertia, bias and passive forces agree at random states, with the other joints at rest."""
     rng = np.random.default_rng(1)
     signs = np.array([1.0] * 6 + [joint.sign for joint in drawn.joints])
     rows = [[*range(6), *(model.joint(joint.name).dofadr[0] for joint in drawn.joints)] for model in (ours, theirs)]
@@ -124,7 +126,7 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 def _same_joints(drawn: Drawn, ours: mujoco.MjModel, theirs: mujoco.MjModel) -> None:
-    """Dry friction and the solver's parameters of joints."""
+    """Check that dry friction and solver parameters of joints agree."""
     pairs = [(ours.joint(joint.name), theirs.joint(joint.name)) for joint in drawn.joints]
     for one, other in pairs:
         for field in ("jnt_margin", "jnt_solref", "jnt_solimp"):
@@ -135,7 +137,7 @@ def _same_joints(drawn: Drawn, ours: mujoco.MjModel, theirs: mujoco.MjModel) -> 
 
 
 def _full_torque(robot: Robot) -> None:
-    """Each servo gives the rated torque that the robot is said to have, both ways."""
+    """Check that each servo gives the robot's rated torque in both directions."""
     model = robot.model
     data = mujoco.MjData(model)
     for sign in (-1.0, 1.0):
@@ -146,7 +148,7 @@ def _full_torque(robot: Robot) -> None:
 
 
 def _our_contacts(robot: Robot, theirs: mujoco.MjModel) -> None:
-    """SimpleQuad's contact parameters, and the model's friction and bits."""
+    """Check that contacts have SimpleQuad's parameters, and the model's friction and bits."""
     model = robot.model
     bench = SIMPLE_QUAD.model
     foot = foot_geoms(bench, "fl")[0]

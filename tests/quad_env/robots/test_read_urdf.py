@@ -1,4 +1,4 @@
-"""A URDF as converters write it is the robot that an MJCF of the same figures is."""
+"""A URDF of a converter gives the robot of an MJCF with equal numbers."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ BALL = '<sphere radius="0.025"/>'
 
 
 def urdf(root: str = "", calf: str = shape(BALL, "0 0 -0.22"), thigh: str = "", foot: str = "") -> str:
-    """The quadruped of `Made`; `foot` in a link of its own, with a fixed joint."""
+    """Return the quadruped of `Made` as URDF; `foot` is in its own link on a fixed joint."""
     trunk = link("trunk", 6.0, 0.1, shape('<box size="0.44 0.2 0.1"/>'))
     parts, links = [root, trunk], list(zip(JOINTS, ("", thigh, calf), strict=True))
     for leg in LEGS:
@@ -50,7 +50,10 @@ def urdf(root: str = "", calf: str = shape(BALL, "0 0 -0.22"), thigh: str = "", 
             above = name
         if foot:
             fixed = joint(f"{leg}_foot_joint", above, f"{leg}_foot", "0 0 -0.22")
-            parts += [link(f"{leg}_foot", 4e-15, 2e-27, foot), fixed]  # as SolidWorks writes what has no mass
+            parts += [
+                link(f"{leg}_foot", 4e-15, 2e-27, foot),
+                fixed,
+            ]  # SolidWorks writes such values for a link without mass
     return f'<?xml version="1.0"?><robot name="made">{"".join(parts)}</robot>'
 
 
@@ -97,7 +100,7 @@ def cube(half: float) -> str:
 
 
 def test_meshes_are_found_in_the_package_and_a_missing_one_is_named(tmp_path: Path) -> None:
-    """Two files of one name are two meshes; a shape that is only seen may be in any format."""
+    """Two files with one name are two meshes; a visual shape may have any format."""
     package = tmp_path / "rover"
     for folder, half in (("seen", 0.05), ("solid", 0.02)):
         (package / folder).mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""A `Robot` is a value, and the figures of SIMPLE_QUAD are those of its compiled model."""
+"""A `Robot` is a value, and the parameters of SIMPLE_QUAD equal those of its compiled model."""
 
 import pickle
 from dataclasses import replace

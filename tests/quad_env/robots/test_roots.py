@@ -1,4 +1,4 @@
-"""A trunk without a free joint is refused with a remedy, and the remedy works; faults of a TOML are the TOML's."""
+"""A trunk without a free joint is refused with a remedy, and the remedy works; errors of a TOML name the TOML."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.quad_env.robots.test_model_files import PLAIN, robot_of_text
 UP = '<joint name="z" type="slide"/><joint name="tilt" axis="0 1 0"/>'
 PLANAR = f'<joint name="x" type="slide" axis="1 0 0"/>{UP}'
 CART = '<body name="cart"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.01" mass="0.1"/>'
-ROOTS = {  # a root, the line, and what the line says is to be replaced by <freejoint/>
+ROOTS = {  # a root, the line, and the text that the line replaces by <freejoint/>
     "fixed": ("", "its trunk is fixed: put <freejoint/> into body 'torso'"),
     "planar": (PLANAR, "its trunk moves by 'x', 'z', 'tilt': put <freejoint/> into body 'torso' in place"),
     "ball": ('<joint name="b" type="ball"/>', "its trunk moves by 'b': put <freejoint/> into body 'torso' in place"),

@@ -1,4 +1,4 @@
-"""What was chosen for SimpleQuad on robots of other sizes: the same in their own lengths, masses and times."""
+"""Parameters of SimpleQuad on robots of other sizes: equal in the robot's own lengths, masses and times."""
 
 import ast
 import inspect
@@ -79,7 +79,7 @@ def test_a_unit_goes_as_what_it_is_made_of_and_the_froude_number_stays(small: Ro
 
 @pytest.mark.parametrize("name", ["trot", "trot_integral"])
 def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robot) -> None:
-    """Every parameter with a wrong unit, and every bare number in the code that has one, is another angle."""
+    """Any parameter with a wrong unit, and any unscaled constant in the code, changes the angles."""
     time = scale_factor(small, "s")
     ours, theirs = (
         policies.make(name, robot=r, control_period=0.01 * t) for r, t in ((SIMPLE_QUAD, 1.0), (small, time))
@@ -117,7 +117,7 @@ def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -
 
 def test_a_robot_that_stands_lower_walks_lower_and_steps_as_fast_as_animals_of_its_mass(tmp_path: Path) -> None:
     robot = Robot.from_mjcf(Made().write(tmp_path), home_pose=np.tile((0.0, 0.9, -1.8), 4))
-    assert robot.home_hip_height < 0.7 * robot.leg_length  # SimpleQuad's is 0.88 of it
+    assert robot.home_hip_height < 0.7 * robot.leg_length  # 0.88 for SimpleQuad
     share = searched_parameters(robot).body_height / robot.home_hip_height
     assert share == pytest.approx(searched_parameters().body_height / SIMPLE_QUAD.home_hip_height)
     frequencies = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)["frequency"]
@@ -145,11 +145,14 @@ SAME = {
     similarity.LATERAL_LENGTH: "m",
     similarity.LONGITUDINAL_LENGTH: "m",
 } | {similarity.HIP_HEIGHT: "m"}
-"""Units of one dimension."""
+"""Unit -> the unit of the same dimension."""
 
 
 def told_units(kind: type[Parameters]) -> dict[str, str]:
-    """The unit that ends the docstring of each field, or its first sentence; none where it has none of its own."""
+    """Return the unit at the end of each field's docstring or of its first sentence.
+
+    Fields without a unit are absent.
+    """
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
     assert isinstance(tree, ast.ClassDef)
     units = {}

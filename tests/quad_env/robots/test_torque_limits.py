@@ -1,4 +1,4 @@
-"""A joint's largest torque is what MuJoCo's actuators add up to, or it is asked for."""
+"""The largest torque of a joint is the sum of its MuJoCo actuators, or a required parameter."""
 
 import re
 import warnings
@@ -70,7 +70,7 @@ NO_TORQUE = {
 
 
 def with_knees(motors: str, tendons: str = "") -> str:
-    """The plain model with other motors of its knees, and a site in each shin."""
+    """Return the plain model with other motors at its knees, and a site in each shin."""
     model = re.sub(r'<motor joint="\w2"[^>]*/>', "", PLAIN)
     motors = "".join(motors.format(leg) for leg in LEGS)
     model = model.replace("</actuator>", f"{motors}</actuator>").replace(
@@ -85,7 +85,7 @@ def with_knees(motors: str, tendons: str = "") -> str:
 
 
 def by_mujoco(xml: str, joint: str) -> float:
-    """Smaller of the largest torques either way that MuJoCo's actuators give a joint at `qpos0`, N·m."""
+    """Return the smaller of the largest torques in both directions at `qpos0`, N·m."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     torques = []
@@ -110,7 +110,7 @@ def by_mujoco(xml: str, joint: str) -> float:
 def test_it_is_what_mujoco_s_actuators_give(kind: str, tmp_path: Path) -> None:
     motors, tendons, torque = KNEES[kind]
     model = with_knees(motors, tendons)
-    if kind != "saturation":  # of the current, which MuJoCo reaches with the voltage
+    if kind != "saturation":  # MuJoCo reaches the saturation current with the voltage
         assert by_mujoco(model, "A2") == pytest.approx(torque)
     assert robot_of_text(tmp_path, model).rated_torque == pytest.approx(torque)
 
@@ -144,7 +144,7 @@ def test_a_motor_beyond_all_numbers_is_asked_for_without_a_warning(tmp_path: Pat
 def test_actuators_of_a_disabled_group_give_nothing(tmp_path: Path) -> None:
     extra = "".join(f'<motor joint="{leg}2" group="3" ctrlrange="-50 50"/>' for leg in LEGS)
     model = PLAIN.replace("</actuator>", f"{extra}</actuator>")
-    assert robot_of_text(tmp_path, model).rated_torque == 30.0  # of hips and thighs
+    assert robot_of_text(tmp_path, model).rated_torque == 30.0  # rated torque of hips and thighs
     lean = model.replace('ctrlrange="-30.0 30.0"', 'ctrlrange="-20 20"').replace(
         "<default>", '<option actuatorgroupdisable="3"/><default>', 1
     )
@@ -153,7 +153,10 @@ def test_actuators_of_a_disabled_group_give_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("asked", [None, 10.0, 45.0])
 def test_what_is_asked_for_is_what_the_motors_give(asked: float | None, tmp_path: Path) -> None:
-    """Also beyond the limit of the model's joints, and without it for the least of them."""
+    """The torque may exceed the limit of the model's joints.
+
+    Without a value, the smallest limit of the joints applies.
+    """
     path = tmp_path / "limited.xml"
     model = PLAIN.replace('armature="0.01"', 'armature="0.01" actuatorfrcrange="-18 20"')
     path.write_text(model, encoding="utf-8")
@@ -189,7 +192,7 @@ def test_an_effort_of_zero_is_unknown(tmp_path: Path) -> None:
 
 
 def test_rotors_and_bearings_of_motors_are_their_joints(tmp_path: Path) -> None:
-    """They are scaled by the square of the gear, and remain when the motor is replaced by a servo."""
+    """Rotor inertia and damping are scaled by the square of the gear, and remain when a servo replaces the motor."""
     rotor = 'armature="0.001" damping="0.02 0.03 0.04" gear="3"'
     robot = robot_of_text(tmp_path, Made().xml().replace("<motor ", f"<motor {rotor} "))
     np.testing.assert_allclose(robot.model.dof_armature[6:], 0.01 + 9.0 * 0.001)

@@ -1,4 +1,4 @@
-"""simple_quad.urdf is the robot of simple_quad.xml: both compiled by MuJoCo and compared figure by figure."""
+"""The robots of simple_quad.urdf and simple_quad.xml agree in every number after compilation by MuJoCo."""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -23,7 +23,7 @@ def mjcf() -> mujoco.MjModel:
 
 
 def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
-    """The robot at the given joint angles, base frame = world frame."""
+    """Return the robot at the given joint angles; base frame = world frame."""
     data = mujoco.MjData(model)
     if model.nq == 19:
         data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
@@ -33,7 +33,7 @@ def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
 
 
 def inertia_in_link_frame(model: mujoco.MjModel, link: str) -> NDArray[np.float64]:
-    """Inertia tensor about the centre of mass in the link's axes, shape (3, 3), kg·m²."""
+    """Return the inertia tensor about the centre of mass, link axes, (3, 3), kg·m²."""
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.body(link).iquat)
     axes = rotation.reshape(3, 3)
@@ -88,7 +88,9 @@ def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
         np.testing.assert_array_equal(servo.forcerange, torques)
         gains = SIMPLE_QUAD.servo_stiffness[0], SIMPLE_QUAD.servo_damping[0]
         assert (servo.gainprm[0], -servo.biasprm[2]) == gains
-    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")  # speeds, which MuJoCo does not read
+    limits = (
+        ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
+    )  # speed limits; MuJoCo does not read them
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 
 

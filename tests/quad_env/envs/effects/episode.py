@@ -39,9 +39,7 @@ WIND = np.array((*blown(12.0), 0.0, 0.0, 0.0, 0.0))
 
 
 def pushed(count: int, first: int, steps: int) -> np.ndarray:
-    """Return the forces of the wind and of pushes of 35 N·s that fill their windows, with
-    directions from the streams.
-    """
+    """Return the forces of the wind and of pushes of 35 N·s that fill their windows, in directions from the streams."""
     stream, out = streams().pushes, np.zeros((STEPS + 1, 6)) + WIND
     stream.uniform(size=count)
     for number, angle in enumerate(stream.uniform(-np.pi, np.pi, count)):
