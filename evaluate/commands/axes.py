@@ -27,7 +27,10 @@ class AxesOptions(comparison.EvaluateOptions):
 
 
 def main(options: AxesOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if the name of an axis is unknown."""
+    """Evaluate policies on the axes in the `options`; return the exit code.
+
+    UsageError is raised if the name of an axis is unknown.
+    """
     from evaluate.commands.plan import check
     from quad_env.scenarios.axes import AXES, extension_axes
 

@@ -42,7 +42,10 @@ class CompareOptions:
 
 
 def main(options: CompareOptions) -> int:
-    """Run the command and return its exit code; raise UsageError if the `options` name no comparable runs."""
+    """Compare the two runs in the `options`; return the exit code 0.
+
+    UsageError is raised if the runs cannot be compared.
+    """
     if options.json is not None:
         make_folder_of(options.json, "--json")
     a = _read(options.a)
@@ -71,7 +74,7 @@ def main(options: CompareOptions) -> int:
 
 
 def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console) -> None:
-    """Print the combined ranking of both runs, and the tables of differences between the runs."""
+    """Print the combined ranking of the policies of both runs, and tables of the runs' differences."""
     print_ranking(both.ranking, console)
     metrics = {contrast.metric for match in both.matches for contrast in match.contrasts}
     for titles in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
@@ -83,10 +86,10 @@ def _read(path: Path) -> StoredRun:
     """Read the manifest and the episode table of the run at `path`.
 
     Args:
-        path: Results folder, or a file in it.
+        path: Results folder, or a file in this folder.
 
     Returns:
-        Manifest, and table with one row for each episode.
+        Manifest (inputs of the run), and table of the run with one row for each episode.
 
     Raises:
         UsageError: The run has no policy with all of its episodes on a scenario yet.
@@ -111,8 +114,8 @@ def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str,
         b: Manifest of run B.
 
     Returns:
-        The pair that the options name. Otherwise the only policies of the two runs if each run has just one, or a pair
-        for each policy that both runs have.
+        The pair that the options name. If they name none and each run has only one policy, the pair of these policies.
+        In other cases, one pair for each policy that both runs have.
 
     Raises:
         UsageError: A run does not have the named policy.
@@ -132,8 +135,8 @@ def _labels(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the display names of the policies of run A and of run B.
 
-    The name of the results folder is added to a policy name that both runs have. It is not added if all episodes of the
-    two policies are identical.
+    If both runs have a policy of the same name, the name of the results folder is added to distinguish them. It is not
+    added if all episodes of the two policies are identical.
 
     Args:
         options: Options of the command line.
@@ -142,7 +145,7 @@ def _labels(
         b: Manifest of run B.
 
     Returns:
-        Name of a policy -> display name: a dictionary for run A, and one for run B.
+        A dictionary for run A, and a dictionary for run B: name of a policy -> display name.
     """
     names_a, names_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
     changed = {match.a for match in matches if not match.identical}
@@ -154,18 +157,18 @@ def _labels(
 
 
 def _display_names(names: Iterable[str], ambiguous: Set[str], folder: str) -> dict[str, str]:
-    """Return policy name -> display name; the results `folder` is added to ambiguous names."""
+    """Return policy name -> display name for `names`; the results `folder` is added to `ambiguous` names."""
     return {name: f"{name} ({folder})" if name in ambiguous else name for name in names}
 
 
 def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield printed lines on the agreement of the two runs.
+    """Yield lines of text on the agreement of the two runs.
 
-    The first lines show if both runs rank the policies in the same order. The others name the policies and scenarios
-    with a significant difference in success rate.
+    The first lines show if both runs rank the policies in the same order. The other lines name the policies and
+    scenarios with a significant difference in success rate.
 
     Args:
-        correlation: Rank correlation of the runs; None if too few policies are ranked.
+        correlation: Rank correlation of the policies between the runs; None if too few policies are ranked.
         matches: Comparisons of the policies of the two runs on each common scenario.
 
     Yields:
@@ -187,7 +190,7 @@ def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Ma
 
 
 def _success(match: Match) -> MetricDifference:
-    """Return the difference in success rate, run B minus run A, of a matched pair of policies."""
+    """Return the difference in success rate, run B minus run A, of a pair of policies on a scenario."""
     return next(contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
 
 
@@ -216,12 +219,12 @@ def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[st
 
 
 def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool) -> str:
-    """Format a difference for a table: its value, its interval and, for the success rate, the p-value.
+    """Format a difference for a table: value, 95 % interval and, for the success rate, the p-value.
 
     Args:
-        contrast: Difference of one metric.
+        contrast: Difference of one metric between the runs, with its interval.
         corrected_p_value: p-value of the difference in success rate, corrected for the number of tests.
-        identical: True if all episodes are bit-identical.
+        identical: True if all episodes of the two compared policies are bit-identical.
 
     Returns:
         Text with line breaks; `0` for identical episodes.
@@ -240,7 +243,10 @@ def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool
 
 
 def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield printed lines on the episodes with equal seeds in both runs, and on bit-identical results."""
+    """Yield lines of text on the episodes with equal seeds in both runs, and on identical results.
+
+    `matches` are the comparisons of the policies on each common scenario.
+    """
     seeds_a, seeds_b = ({*rows.column("seed").to_pylist()} for _, rows in (a, b))
     count = with_count(len(seeds_a & seeds_b), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds_a)} and B's {len(seeds_b)}"
@@ -250,7 +256,7 @@ def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str
 
 
 def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
-    """Yield a line for each run that is not finished, with the number of its missing results."""
+    """Yield a line of text for each unfinished run, with the policies and scenarios that are missing."""
     for name, (manifest, rows) in (("A", a), ("B", b)):
         stored = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
         cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
@@ -264,7 +270,7 @@ def _write(options: CompareOptions, both: CombinedRuns, changes: list[str], path
     Args:
         options: Options of the command line.
         both: Results of both runs together.
-        changes: Descriptions of the inputs that differ between the runs.
+        changes: Descriptions of the inputs that differ between the runs, for example the code.
         path: File to write.
 
     Raises:

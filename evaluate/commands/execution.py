@@ -36,12 +36,13 @@ from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 def execute(plan: Plan, show: Show = print_results) -> int:
     """Simulate all episodes of a plan, then print and write the results.
 
-    UsageError can be raised, FolderInUseError if another run uses the results folder, and KeyboardInterrupt after
-    Ctrl-C. The message of KeyboardInterrupt names the part of the run that is saved.
+    FolderInUseError is raised if another run uses the results folder. UsageError is raised if memory or disk are not
+    sufficient, or an output cannot be written. KeyboardInterrupt is raised after Ctrl-C; its message names the part of
+    the run that is saved.
 
     Args:
         plan: Checked options, policies and scenarios of the run.
-        show: Function that prints the results.
+        show: Function that receives the results and a console, and prints the results.
 
     Returns:
         The exit code.
@@ -51,7 +52,7 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 
 def _execute(plan: Plan, show: Show) -> int:
-    """Execute a plan and return the exit code; the caller has locked the results folder.
+    """Simulate, print and write a `plan` in a folder that the caller has locked; return the exit code.
 
     `show` prints the results. After Ctrl-C, KeyboardInterrupt is raised; its message names the part of the run that is
     saved. UsageError is raised if the memory is not sufficient for the results.
@@ -83,9 +84,9 @@ def _execute(plan: Plan, show: Show) -> int:
 
 
 def _print_warnings(plan: Plan) -> None:
-    """Print warnings about an unfinished run in the results folder and about policies that do not walk.
+    """Print warnings about an unfinished run in the results folder, and about policies that do not walk.
 
-    Each external policy is tested on a short walk before the run starts.
+    Each external policy (trained elsewhere) is tested on short walks before the run starts.
     """
     out = plan.options.out
     if is_unfinished(out):
@@ -101,7 +102,7 @@ def _print_warnings(plan: Plan) -> None:
 
 
 def _interrupt_message(plan: Plan, run: Run) -> str:
-    """Return the message after Ctrl-C: the saved part of the run, and the command that continues the run."""
+    """Return the message after Ctrl-C: the saved part of the `run`, and the command that continues it."""
     saved = "kept what was done"
     if run.cells:
         saved = f"wrote the {len(run.cells)} finished parts of {len(plan.manifest.cells)}"
@@ -122,7 +123,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
         interrupted: True if the user pressed Ctrl-C.
 
     Raises:
-        KeyboardInterrupt: The user interrupted before the first chunk was saved.
+        KeyboardInterrupt: The user pressed Ctrl-C before the first chunk was saved.
     """
     run = Run(store.manifest, ())
     finished: list[PolicyScenarioResult] = []
@@ -148,10 +149,10 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
 
 @contextmanager
 def _explained_errors(store: ChunkStore) -> Iterator[None]:
-    """Turn failures of memory, disk or a worker process in the context into a UsageError.
+    """Provide a context that converts failures of memory, disk or a worker process to a UsageError.
 
-    The message of the error has the reason and the command that continues the run in `store`. Other errors are not
-    changed.
+    The message of the UsageError has the reason, and the command that continues the run in `store`. Other exceptions
+    leave the context unchanged.
     """
     try:
         yield
@@ -163,7 +164,7 @@ def _explained_errors(store: ChunkStore) -> Iterator[None]:
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
-    """Simulate all pairs of policy and scenario of the store's manifest, and show the progress.
+    """Simulate all pairs of policy and scenario in the manifest of the store, and show the progress.
 
     Args:
         plan: Checked options, policies and scenarios of the run.
@@ -181,7 +182,8 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             progress(policy, scenario, fraction)
 
         threads = plan.options.threads
-        # The chunks are as large as allowed, but small enough that every worker process gets at least one.
+        # The chunks (subsets of episodes that are simulated together) are as large as the options allow, but small
+        # enough that every worker process gets at least one chunk.
         episodes_per_worker = -(-plan.manifest.episodes * len(plan.manifest.cells) // threads)
         settings = RunSettings(
             nthread=threads,
@@ -197,21 +199,21 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
-    """Return a run with the finished results `cells`, sorted in the order of the manifest."""
+    """Return a run with the `manifest` and the finished results `cells`, in the order of the manifest."""
     return Run(manifest, tuple(sorted(cells, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Return the run after the interim analysis of a run --until settled; other runs are not changed.
+    """Analyse a run with `--until settled`, and decide if it ends; other runs are returned unchanged.
 
-    The function prints the test of the adjacent policies, and stores in the manifest if the run has ended.
+    The function prints the tests of the adjacent policies of the ranking, and stores the decision in the manifest.
 
     Args:
         run: Run in which every pair of policy and scenario has all episodes so far.
         folder: Results folder.
 
     Returns:
-        The run, with the reason for its end if it has ended.
+        The run. If it has ended, its manifest contains the reason.
     """
     if not run.manifest.is_unsettled:
         return run
@@ -230,7 +232,7 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
         store: Store of the run's finished episodes.
 
     Returns:
-        Reason and remedy in one line; None if the error is a programming error.
+        Reason and remedy in one line; None for any other error, which is a programming error.
     """
     if launcher.is_out_of_memory(error):
         return f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}"
@@ -242,7 +244,10 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
 
 
 def _resume_hint(store: ChunkStore) -> str:
-    """Return the remedy after a failed run: the command that continues it, or a new start if it is empty."""
+    """Return the remedy after a failed run: the command that continues it, or advice to start again.
+
+    The run is started again if the `store` has no finished episodes yet.
+    """
     return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 

@@ -1,4 +1,4 @@
-"""Interim analysis of a run --until settled: tests adjacent policies, and can end the run early."""
+"""Interim analysis of a run with `--until settled`: tests adjacent policies and can end the run early."""
 
 from collections.abc import Sequence
 
@@ -12,15 +12,16 @@ from quad_env.scenarios.scenario import Scenario
 
 
 def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple[str, str]:
-    """Test the adjacent policies of the ranking so far, and decide if the run ends.
+    """Test the adjacent policies of the present ranking, and decide if the run ends early.
 
     Args:
-        cells: Results of the run so far, one for each pair of policy and scenario, each with the same episodes.
+        cells: Present results of the run, one for each pair of policy and scenario, all with the same episodes.
         limit: Maximum number of episodes of each policy on each scenario.
 
     Returns:
-        line: Text such as `24 of at most 96 episodes, 1 of 2 neighbours distinguished: a > b, b ~ c (p = 0.2)`.
-        ended: Reason for the end of the run; empty if it continues.
+        line: Text to print, such as `24 of at most 96 episodes, 1 of 2 neighbours distinguished: a > b, b ~ c (p =
+            0.2)`.
+        ended: Reason for the end of the run; empty if the run continues.
 
     Raises:
         ValueError: The policies ran different episodes.
@@ -44,10 +45,10 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
 
 
 def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
-    """Return the order of two adjacent policies as text: `a > b` if it is significant, otherwise `a ~ b`.
+    """Return the order of two policies as text: `a > b` if a is significantly better, otherwise `a ~ b`.
 
     Args:
-        pair: Test of the two policies.
+        pair: Test of two policies that are adjacent in the ranking.
         identical: True if all episodes of the two policies are bit-identical.
 
     Returns:
@@ -61,7 +62,7 @@ def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
 
 
 def check_ranked(policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario]) -> None:
-    """Check that a run --until settled has at least two policies that can be ranked.
+    """Check that a run with `--until settled` has at least two policies that can be ranked.
 
     Args:
         policies: Policies of the run.

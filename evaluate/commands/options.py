@@ -17,9 +17,9 @@ WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robus
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
-"""Value of the option `until` -> default number of episodes of each policy on each scenario.
+"""Value of the option `--until` -> default number of episodes of each policy on each scenario.
 
-In a run --until settled, it is the maximum number of episodes.
+In a run with `--until settled`, it is the maximum number of episodes.
 """
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Names of the options that may change when an interrupted run is resumed; no result depends on them."""
@@ -79,7 +79,10 @@ class EvaluateOptions:
 
     @property
     def hardware_config(self) -> HardwareConfig:
-        """Hardware of the robots in scenarios without the hardware profile (models of the real robot's parts)."""
+        """Robot, servo gains, motors, sensors, estimator and simulator that the options select.
+
+        They apply to scenarios without the hardware profile.
+        """
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
@@ -89,7 +92,7 @@ class EvaluateOptions:
 
     @property
     def max_episodes(self) -> int:
-        """Maximum number of episodes of each policy on each scenario."""
+        """Number of episodes of each policy on each scenario; with `--until settled`, the maximum number."""
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
     def run_options(self) -> dict[str, Any]:
@@ -106,10 +109,10 @@ def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
         values: Name of an option -> JSON value.
 
     Returns:
-        Name of a field of EvaluateOptions -> value.
+        Name of a field of EvaluateOptions -> value of the field.
 
     Raises:
-        ValueError: Another version of the program wrote the values.
+        ValueError: The values do not match the options, because another version of the program wrote them.
     """
     names = {field.name for field in fields(EvaluateOptions)} - set(RESULT_NEUTRAL_OPTIONS)
     if set(values) != names:
@@ -125,7 +128,7 @@ def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
         now: Options of the present run.
 
     Returns:
-        A text for each different option.
+        A text for each option that differs.
     """
     before = then.run_options()
     after = now.run_options()
@@ -137,7 +140,10 @@ def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
 
 
 def command(values: Mapping[str, Any]) -> str:
-    """Return the command line of a run from its stored option `values`; default values are left out."""
+    """Return the command line of a run from its stored option `values`, name -> JSON value.
+
+    Options with default values are left out.
+    """
     defaults = EvaluateOptions().run_options()
     words = PROGRAM.split()
     for name, value in values.items():
@@ -151,5 +157,5 @@ def command(values: Mapping[str, Any]) -> str:
 
 
 def _words(value: Any) -> str:
-    """Format the value of an option as on the command line; a list becomes words with spaces between them."""
+    """Format the `value` of an option as on the command line; the items of a list are separated by spaces."""
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)

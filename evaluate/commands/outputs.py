@@ -28,10 +28,10 @@ Show = Callable[[Results, Console], None]
 
 
 class Terminal(Console):
-    """Console that ends its output, but not the program, if the reader of the output closes the pipe."""
+    """Console that ends its output, but not the program, if the receiver of the output closes the pipe."""
 
     def on_broken_pipe(self) -> None:
-        """Stop all printing, but continue the program, because the files still have to be written."""
+        """Stop all printing, but continue the program, because the result files are written afterwards."""
         self.quiet = True
         silence_stdout()
 
@@ -44,7 +44,7 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
         baseline: Name of the policy to compare the others with; None for the default baseline.
 
     Returns:
-        Results, the content of tables and files.
+        Results of the run, from which tables and files are made.
     """
     return analyse(
         run.cells,
@@ -59,7 +59,7 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
     """Print the table and write all files of a run; the file that takes longest is written last.
 
-    Each output is attempted even if an earlier one fails, because the simulation took long.
+    If an output fails, the next ones are written nevertheless, because the simulation took long.
 
     Args:
         run: Finished or unfinished run.
@@ -91,7 +91,7 @@ def _print_table(results: Results, folder: Path, console: Console, show: Show) -
 
     Args:
         results: Results of a run.
-        folder: Results folder, named in the command.
+        folder: Results folder, which the command names.
         console: Terminal.
         show: Function that prints the table.
     """
@@ -104,7 +104,7 @@ def _print_table(results: Results, folder: Path, console: Console, show: Show) -
 
 
 def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path], object]]]:
-    """Return the name of each file of a run, and the function that writes it to a given path.
+    """Return the name of each result file of a run, and a function that writes this file to a given path.
 
     The file episodes.parquet is left out if the run was read from it.
 
@@ -113,7 +113,7 @@ def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path]
         results: Results of the run.
 
     Returns:
-        Pairs of file name and write function.
+        Pairs of file name and write function; the argument of the function is the path.
     """
     writers: list[tuple[str, Callable[[Path], object]]] = [("results.json", partial(write_json, results))]
     if not run.stored:
@@ -139,7 +139,7 @@ def _to_replay(failure: FailedEpisode, folder: Path) -> str:
 
 
 def _run_writer(name: str, write: Callable[[], object]) -> list[str]:
-    """Call the write function of an output, and collect its error.
+    """Call the write function of an output, and return its error as text.
 
     Args:
         name: Name of the output, for the error text.

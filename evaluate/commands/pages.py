@@ -52,5 +52,5 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
 
 
 def _kept(done: int, targets: Sized) -> str:
-    """Return a text with the number of finished pages `done` and the number of all pages in `targets`."""
+    """Return the message after Ctrl-C: the number of finished pages, `done`, and of all pages, `targets`."""
     return f"{done} of {len(targets)} pages are there, and the same command goes on"

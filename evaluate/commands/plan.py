@@ -34,9 +34,9 @@ LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256
 
 @dataclass(frozen=True)
 class Plan:
-    """Checked options of a run, with the loaded policies and scenarios and the manifest.
+    """Plan of a run: checked options, loaded policies and scenarios, and the manifest (inputs of the run).
 
-    Every policy and scenario exists, and the results folder can be written.
+    A check has shown that every policy and scenario exists, and that the results folder can be written.
     """
 
     policies: tuple[LabelledPolicy, ...]
@@ -52,7 +52,7 @@ def load_run_options(folder: Path) -> EvaluateOptions:
         folder: Results folder of the run.
 
     Returns:
-        Options with which the run was started.
+        Options with which the interrupted run was started.
 
     Raises:
         UsageError: The folder contains no run, or a run that cannot be read.
@@ -125,8 +125,8 @@ def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
         Scenarios in the order of the names in the options.
 
     Raises:
-        UsageError: The options choose both the hardware profile and other hardware, or a named scenario cannot be
-            simulated. An unknown scenario raises ValueError.
+        UsageError: The options select both the hardware profile and other hardware, or a named scenario cannot be
+            simulated. ValueError is raised if a scenario is unknown.
     """
     robot = options.hardware_config.robot_model
     scenarios = battery.resolve(options.battery, robot)
@@ -146,7 +146,7 @@ def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
 
 
 def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios that the physics simulator supports; print the names of the others on stderr.
+    """Return the scenarios that the simulator supports; print the names of the other scenarios on stderr.
 
     Args:
         options: Options of the command line, with the name of the simulator.
@@ -177,13 +177,13 @@ def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple
 def select_policies(
     names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: HardwareConfig, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
-    """Load the named policies, each with the scenarios that it is restricted to.
+    """Load the named policies; the result contains the scenarios that each policy is restricted to.
 
     Args:
         names: Names or paths of policies; `NAME@SCENARIO` restricts a policy to a scenario.
         scenarios: Scenarios of the run.
-        hardware: Hardware of the robots.
-        trust: True to load files that can contain hidden code.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
+        trust: True to load policies from files that can contain hidden code.
 
     Returns:
         Policies in the order of the names.
@@ -211,14 +211,14 @@ def select_policies(
 
 
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out learned policies that are not trained for the `robot`, and print their names on stderr.
+    """Remove learned policies that are not trained for the `robot`, and print their names on stderr.
 
     Args:
-        selected: Label of each policy, and the scenarios that it is restricted to.
+        selected: For each policy its label, and the names of the scenarios that it is restricted to.
         robot: Robot of the run.
 
     Returns:
-        The other policies, in the same form.
+        The remaining elements of `selected`.
     """
     untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
@@ -228,9 +228,9 @@ def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot
 
 
 def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
-    """Split a policy name at the `@` into its label and the scenarios that the policy is restricted to.
+    """Split a policy name such as `trot@flat` at the `@`: label, and scenarios that it is restricted to.
 
-    The name of an existing folder is not split.
+    If `name` is the name of an existing folder, it is not split.
     """
     label, scenarios = name, ""
     if not Path(name).is_dir() and not policies.is_reference(name):
@@ -252,7 +252,7 @@ def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: lis
     """Check that policies are restricted only to scenarios that the run has.
 
     Args:
-        selected: Label of each policy, and the scenarios that it is restricted to.
+        selected: For each policy its label, and the names of the scenarios that it is restricted to.
         scenarios: Names of the scenarios of the run.
 
     Raises:
@@ -265,7 +265,7 @@ def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: lis
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
-    """Raise UsageError if the name `baseline` is neither None nor among the `labels` of the policies."""
+    """Raise UsageError if `baseline` names a policy that is not among the `labels` of the policies."""
     if baseline is not None and baseline not in labels:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
@@ -290,17 +290,17 @@ def _check_unused(out: Path) -> None:
 
 
 def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
-    """Return the stored manifest of the run to resume, after a check that no input has changed.
+    """Return the stored manifest (inputs) of the run to resume, after a check that no input has changed.
 
     Args:
-        now: Manifest of a run that starts now with the same options.
+        now: Manifest of a new run with the options of the command line.
         options: Options of the command line.
 
     Returns:
         The manifest in the results folder.
 
     Raises:
-        UsageError: An input has changed, so the results would differ from the results of an uninterrupted run.
+        UsageError: An input has changed, so that the results would differ from the results of an uninterrupted run.
     """
     then, run_options = _read_run_options(options.out)
     if changes := describe_changes(run_options, options):

@@ -37,11 +37,14 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
-"""Exit code of the command if the episode that is simulated again differs from the stored episode."""
+"""Exit code of the command `replay` if the repeated simulation differs from the stored episode."""
 
 
 Output = tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]
-"""An output of the command, a film or a page: command-line option, file path, and write function."""
+"""Output of the command `replay`, a film or an HTML page: command-line option, file path, and write function.
+
+The write function receives the episode to film, the path, and a progress function.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class ReplayTarget:
-    """A stored episode to simulate again: its policy-scenario result and its index in this result."""
+    """Stored episode to simulate again: result of its policy on its scenario, and index in this result."""
 
     cell: PolicyScenarioResult
     number: int
@@ -90,19 +93,19 @@ class ReplayTarget:
         """Return the specification of a film of this episode.
 
         Args:
-            manifest: Manifest of the episode's run.
+            manifest: Manifest (inputs) of the run that contains the episode.
             *policies: Policies to show next to each other, each in the same episode.
 
         Returns:
-            The specification.
+            Policies, scenario, seed and title of the film.
         """
         return FilmSpec(policies, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: ReplayOptions) -> int:
-    """Run the command with the `options`, and return its exit code.
+    """Simulate the episode in the `options` again, or list failed episodes; return the exit code.
 
-    It is 0, or DIFFERS if the episode that is simulated again differs from the stored episode.
+    The exit code is 0, or DIFFERS if the repeated simulation differs from the stored episode.
     """
     run = read_run(options.results)
     if options.failed:
@@ -148,7 +151,7 @@ def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
 
 
 def _outputs(options: ReplayOptions) -> list[Output]:
-    """Return the films and pages that the `options` request; raise UsageError if a file path is not valid."""
+    """Return the films and HTML pages that the `options` request; raise UsageError if a path is not valid."""
     if options.video is not None:
         files.check_film_path(options.video)
     if options.page is not None:
@@ -165,8 +168,8 @@ def _list_failed(run: Run, options: ReplayOptions) -> int:
     """Print a line for each failed episode of the selected policies and scenarios; return the exit code.
 
     Args:
-        run: Run of the results folder.
-        options: Options with the policy and the scenario; None selects all.
+        run: Run in the results folder.
+        options: Options with the names of the policy and the scenario; all are selected if a name is None.
 
     Returns:
         The exit code, 0.
@@ -198,15 +201,16 @@ def _list_failed(run: Run, options: ReplayOptions) -> int:
 
 
 def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str, ...]:
-    """Return the line of a failed episode in the printed table, as a text for each column.
+    """Return the row of a failed episode in the printed table: a text for each column.
 
     Args:
-        cell: Result of the policy on the scenario.
+        cell: Result of the policy on the scenario that contains the episode.
         number: Index of the episode in this result.
         row: Row index of the episode in episodes.parquet.
 
     Returns:
-        Texts. The time is the time of the fall. If the robot did not fall, it is the time at which the cause began.
+        Texts of the columns. The column of the time has the time of the fall. If the robot did not fall, it has the
+        time at which the cause of the failure began.
     """
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
@@ -232,10 +236,10 @@ def find(run: Run, options: ReplayOptions, episode: int) -> ReplayTarget:
     """Return the stored episode that the options select.
 
     Args:
-        run: Run of the results folder.
-        options: Options with the policy and the scenario; None selects any.
-        episode: Index among the episodes of the selected policy and scenario, or among all episodes if none is
-            selected.
+        run: Run in the results folder.
+        options: Options with the names of the policy and the scenario; a name is None if it is not selected.
+        episode: Index among the episodes of the selected policy and scenario. If neither is selected, index among all
+            episodes, which is the row in episodes.parquet.
 
     Returns:
         The selected episode.
@@ -265,16 +269,18 @@ def resimulate(
     """Simulate a stored episode again.
 
     Args:
-        manifest: Manifest of the episode's run.
+        manifest: Manifest (inputs) of the run that contains the episode.
         target: Stored episode.
-        policy: Policy of the episode.
+        policy: Policy that controls the robot in the episode.
 
     Returns:
-        result: Measures of the episode that is simulated now.
-        episodes: Recorded signals of the same episode.
+        result: Measures of the repeated episode.
+        episodes: Recorded signals of the repeated episode.
     """
     scenario = target.cell.scenario
-    with show_bar("simulating", in_lines=False) as progress:  # no progress lines, because it takes only 1 to 2 s
+    with show_bar(
+        "simulating", in_lines=False
+    ) as progress:  # Progress is not shown, because the simulation takes only 1 to 2 s.
         episodes = rollout.run(
             policy.policy_for(scenario),
             scenario,
@@ -290,7 +296,7 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
     """Compare the measures of a stored episode with the measures of its repetition.
 
     Args:
-        run: Run of the results folder. Measures that its file lacks, and measures of extensions that are not installed,
+        run: Run in the results folder. Measures that its file lacks, and measures of extensions that are not installed,
             are not compared.
         target: Stored episode.
         result: Measures of the episode that was simulated again.
@@ -309,7 +315,7 @@ def _causes(then: Manifest, target: ReplayTarget, trust: bool) -> list[str]:
     """Describe the inputs of a stored episode that have changed since its run, for example the code.
 
     Args:
-        then: Manifest of the run.
+        then: Manifest (inputs) of the stored run.
         target: Stored episode.
         trust: True to load policies from files that can contain hidden code.
 
@@ -336,12 +342,12 @@ def load_policy(
 
     Args:
         label: Name or path of the policy.
-        manifest: Manifest of the run, with hardware and scenarios.
-        trust: True to load files that can contain hidden code.
-        complaint: Start of the error message.
+        manifest: Manifest (inputs) of the run, which contains hardware and scenarios.
+        trust: True to load policies from files that can contain hidden code.
+        complaint: First words of the error message.
 
     Returns:
-        The policy.
+        The policy with its label.
 
     Raises:
         UsageError: The policy cannot be loaded.
@@ -358,7 +364,7 @@ def check_available(manifest: Manifest, scenario: Scenario) -> None:
     """Check that a stored episode can be simulated on this machine.
 
     Args:
-        manifest: Manifest of the episode's run, with the hardware of the robots.
+        manifest: Manifest (inputs) of the run that contains the episode, with the hardware of the robots.
         scenario: Scenario of the episode.
 
     Raises:

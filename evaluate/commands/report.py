@@ -29,7 +29,7 @@ class ReportOptions:
 
 
 def main(options: ReportOptions) -> int:
-    """Run the command with the `options` and return its exit code.
+    """Print the table and write the files of a results folder again; return the exit code 0.
 
     UsageError is raised if the results folder has no finished results.
     """

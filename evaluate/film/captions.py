@@ -1,4 +1,4 @@
-"""Captions in the frames of a film.
+"""Captions: lines of text in the frames of a film.
 
 A text that is too wide gets a smaller font. If it is still too wide at MIN_FONT_SIZE, its end is cut off.
 """
@@ -11,7 +11,7 @@ from quad_env.columns import Array
 from quad_env.physics.arrows import Colour
 
 Ink = tuple[int, int, int]
-"""Colour of a text or a bar as red, green and blue, each 0 … 255."""
+"""Type of the colour of a text or a bar: red, green and blue, each 0 … 255."""
 DARK: Ink = (30, 34, 38)
 """Background colour of the bars behind captions."""
 WHITE: Ink = (255, 255, 255)
@@ -48,10 +48,10 @@ class Text:
             line: Index of the line: 0 is the first from the top, −1 the first from the bottom.
             ink: Colour of the text.
             right: True to align the text with the right margin, False to align it with the left margin.
-            taken: Width of the line that other text occupies, pixels.
+            taken: Width of the part of the line that another text occupies, pixels.
 
         Returns:
-            Width that the text occupies including its margins, pixels.
+            Width of the text including its margins, pixels.
         """
         draw = ImageDraw.Draw(image)
         size = self.size
@@ -84,7 +84,7 @@ def format_velocity(velocity: Array) -> str:
 
     `velocity` is forward velocity, m/s, leftward velocity, m/s, and yaw rate, rad/s, (3,).
     """
-    forward, left, turning = velocity.round(2) + 0.0  # 0 is added, because −0.00 would be printed with its sign
+    forward, left, turning = velocity.round(2) + 0.0  # Zero is added, because −0.00 would be printed with its sign.
     return f"{forward:+.2f} m/s forward, {left:+.2f} m/s left, {turning:+.2f} rad/s"
 
 

@@ -11,20 +11,21 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 
 SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
-"""Names of the signals in `Episodes` that the page draws as curves."""
+"""Names of the signals in `Episodes` that the HTML page of an episode draws as curves."""
 
 
 def curves(episodes: Episodes, end: int) -> dict[str, Any]:
-    """Return the signals of the first recorded episode as curves for the page.
+    """Return the signals of the first recorded episode as curves for the HTML page of the episode.
 
     Args:
         episodes: Recorded episodes.
-        end: Number of control steps to return.
+        end: Number of control steps of the curves.
 
     Returns:
-        Name of a signal -> its columns. A column is a list with one value for the end of each control step.
-        `torque_share` is the largest ratio of torque to torque limit among the joints of each leg. `given` is tilt and
-        velocity as the policy observes them, from `estimated_state`. It is missing if the observation was not recorded.
+        Name of a signal -> list of its components. A component is a list with its value at the end of each control
+        step. `torque_share` has a component for each leg: the largest ratio of torque to torque limit among its joints.
+        `given` is tilt and velocity as the policy observes them, from `estimated_state`. It is missing if the
+        observation was not recorded.
     """
     signals = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
     torque_share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
@@ -41,8 +42,8 @@ def estimated_state(observed: Floats) -> Floats:
     The observed direction of gravity determines the heading frame, which is horizontal.
 
     Args:
-        observed: Observed gravity direction, angular velocity, rad/s, and linear velocity, m/s, each in the base frame,
-            (steps, 9).
+        observed: Observed gravity direction (unit vector), angular velocity, rad/s, and linear velocity, m/s, each in
+            the base frame, (steps, 9).
 
     Returns:
         Tilt, rad, forward and leftward velocity, heading frame, m/s, and yaw rate, rad/s, (steps, 4).
@@ -70,11 +71,11 @@ def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[st
     Args:
         episodes: Recorded episodes.
         measures: Measures of these episodes.
-        end: Number of control steps on the page; later pushes and commands are left out.
+        end: Number of control steps on the HTML page; later pushes and commands are left out.
 
     Yields:
-        An event as a dictionary: `kind`, `time` (s) and the description `words`. A push also has `until`, the time at
-        which it ends, s.
+        An event as a dictionary with the keys `kind`, `time` (s) and `words` (description). The dictionary of a push
+        also has `until`, the time at which the push ends, s.
     """
     dt = episodes.dt
     for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):

@@ -1,6 +1,6 @@
 """Film files: MP4, WebP, GIF, or PNG with a strip (several frames of the film in one image).
 
-A film file is written completely or not at all.
+If writing fails, no incomplete film file remains.
 """
 
 import io
@@ -21,17 +21,17 @@ STRIP_SUFFIX = ".png"
 FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
 """Suffixes of all formats of film files."""
 STRIP_FRAMES = 12
-"""Number of frames that a strip (PNG image of a film) shows."""
+"""Number of frames of the film that a strip (PNG image) shows."""
 STRIP_WIDTH = 2560
 """Largest width of a strip (PNG image with rows of frames), pixels."""
 LAST_FRAME_TIME = 1.5
-"""Time for which the last frame of a film is displayed in addition to the frame period, s."""
+"""Additional time for which the last frame of a film is displayed, s."""
 
 MAX_PIXELS = 500_000_000
-"""Largest number of pixels in all frames together of a WebP, GIF or PNG film.
+"""Largest number of pixels of a WebP, GIF or PNG film, summed over all frames.
 
-These formats are encoded in memory, with 4 bytes per pixel. MP4 has no limit, because its frames are encoded one by
-one.
+Films in these formats are encoded in memory, with 4 bytes per pixel. MP4 films have no limit, because their frames are
+encoded one by one.
 """
 
 
@@ -68,7 +68,7 @@ def check_pixels(path: Path, pixels: int) -> None:
         pixels: Number of pixels in all frames.
 
     Raises:
-        UsageError: The format is not MP4 and therefore encoded in memory, and the film has more than MAX_PIXELS pixels.
+        UsageError: The film has more than MAX_PIXELS pixels, and its format is not MP4.
     """
     if path.suffix.lower() != ".mp4" and pixels > MAX_PIXELS:
         raise UsageError(
@@ -119,7 +119,7 @@ def encode_animation(
         "duration": durations,
         "loop": 0,
         "quality": quality,
-        "method": 4,  # because the files are a third smaller than with method 0
+        "method": 4,  # With method 4 the files are a third smaller than with method 0.
     }
     images[0].save(buffer, kind, save_all=True, append_images=images[1:], **settings)
     return buffer.getvalue()
@@ -147,9 +147,9 @@ def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Encode a film as MP4 in a temporary folder, and move the file to `path` if it is complete.
+    """Encode a film as MP4 in a temporary folder, and move the file to `path` when it is complete.
 
-    Odd frame sizes are padded by one pixel, because the colour format of MP4 needs even width and height.
+    A frame with an odd width or height is padded by one pixel, because the colour format of MP4 needs even sizes.
 
     Args:
         images: Frames of equal size.

@@ -26,14 +26,14 @@ PAGE_RENDER_OPTIONS = RenderOptions((480, 300), camera=None, rate=20.0)
 QUALITY = 70
 """Quality of the WebP images on an episode's HTML page, 0 … 100."""
 LEAD = 1.0
-"""Time between the start of playback of the page and the first fall or cause of failure, s."""
+"""Time before the first fall or cause of failure at which an episode's HTML page starts the playback, s."""
 
 
 def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
     """Simulate and film an episode, and write its HTML page.
 
     Args:
-        spec: Episode and policies to film. The film ends shortly after the fall, or after `spec.steps` control steps.
+        spec: Episode and policies to film. The film ends shortly after a fall, or after `spec.steps` control steps.
         path: HTML file to write.
         progress: Function that receives the completed fraction of the work, 0 … 1.
     """
@@ -65,7 +65,7 @@ def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
 
     Args:
         title: Title of the page.
-        episodes: For each policy, film, curves and events of the episode, from `_episode_json`.
+        episodes: List with a dictionary for each policy: film, curves and events of its episode, from `_episode_json`.
 
     Returns:
         HTML text.
@@ -90,7 +90,7 @@ def _episode_json(policy: LabelledPolicy, spec: FilmSpec, progress: Progress) ->
         progress: Function that receives the completed fraction of the work, 0 … 1.
 
     Returns:
-        Key -> JSON value, as the script of the page reads it.
+        Dictionary that the script of the page reads: key -> JSON value.
     """
     frames = []
     with closing(EpisodeView(policy, spec, PAGE_RENDER_OPTIONS)) as view:

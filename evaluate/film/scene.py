@@ -1,4 +1,4 @@
-"""Marks drawn into the frames of a film: arrows of velocity, command and push, and balls at the feet."""
+"""Marks in the frames of a film: arrows for velocity, command and push, and balls at the feet."""
 
 import math
 from collections import deque
@@ -23,22 +23,22 @@ CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
 """Colour of the ball at a swing foot: red, green, blue, opacity, 0 … 1."""
 VELOCITY_WINDOW = 0.5
-"""Time over which the displayed velocity is averaged, s.
+"""Time over which the displayed velocity of the robot is averaged, s.
 
 The mean removes the oscillation of the trunk within a stride of a trot.
 """
 PUSH_DISPLAY_TIME = 0.2
 """Time for which the arrow of a push stays in the film after the push, s.
 
-The duration of the push alone would be too short for a viewer to notice.
+Without this time a viewer would not notice the arrow, because a push is short.
 """
 AHEAD = 0.5
-"""Length of a velocity arrow per unit of velocity, m per m/s.
+"""Length of a velocity arrow for a velocity of 1 m/s, m.
 
-The value is for the robot SimpleQuad and is scaled to the size of other robots.
+The value is valid for the robot SimpleQuad, and is scaled to the size of other robots.
 """
 _FORCE = 0.2
-"""Length of the arrow of a push with a force of one body weight, for the robot SimpleQuad, m."""
+"""Length of the arrow of a push if the force equals the weight of the robot, for the robot SimpleQuad, m."""
 _RADIUS = 0.018
 """Radius of the shaft of an arrow, for the robot SimpleQuad, m."""
 _ABOVE = 0.22
@@ -63,13 +63,13 @@ class Scene:
 
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
-        self._push = np.zeros(2)  # force of the latest push, world frame, x and y, N
-        self._push_until = 0  # number of the control step at which the arrow of the push disappears
+        self._push = np.zeros(2)  # Force of the latest push, world frame, x and y, N.
+        self._push_until = 0  # Number of the control step at which the arrow of the push disappears.
         self.step = start
         """Latest control step that the marks show."""
 
     def advance(self, step: Step) -> None:
-        """Update the marks to the state after a control step."""
+        """Update the marks to the state of the robot after a control `step`."""
         self.step = step
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
@@ -93,9 +93,8 @@ class Scene:
     def marks(self) -> list[Arrow | Ball]:
         """Return all marks of a frame: the arrows, and a ball at each foot.
 
-        The ball is blue for a foot in contact and white for a swing foot.
-
-        The label of each ball is the name of its leg.
+        The ball is blue if the foot touches the ground, and white during its swing phase. The label of each ball is the
+        name of its leg.
         """
         infos = self.step.infos
         robot = self.step.env.robot
@@ -152,7 +151,7 @@ class Scene:
             start: Start point, world frame, (3,), m.
             displacement: Vector from the start point to the tip, world frame, (3,), m.
             colour: Colour of the arrow.
-            thickness: Factor on the default radius of the shaft.
+            thickness: Factor on the default radius of the shaft, dimensionless.
 
         Returns:
             The arrow.

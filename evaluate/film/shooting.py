@@ -31,18 +31,18 @@ POST_FALL_TIME = 1.0
 FREE_CAMERA_DISTANCE = 1.8
 """Distance between the free camera and the trunk, m.
 
-The value is for the robot SimpleQuad and is scaled to the size of other robots.
+The value is valid for the robot SimpleQuad, and is scaled to the size of other robots.
 """
 RENDERING_SHARE = 0.8
-"""Fraction of the progress bar for simulation and rendering; the rest is for writing the film file."""
+"""Fraction of the progress bar for simulation and rendering of a film; the rest is for writing the file."""
 STRIP_RATE = 5.0
-"""Frame rate of the film from which the frames of a strip (PNG image of a film) are chosen, 1/s."""
+"""Frame rate of a film from which the frames of a strip (PNG image with several frames) are chosen, 1/s."""
 ALARM = (200, 30, 30)
-"""Colour of the border and the caption after a fall, and of the caption during a push."""
+"""Colour of the border and the caption after a fall, and of the caption during a push: red, green, blue, 0 … 255."""
 GOOD = (0, 130, 90)
-"""Colour of the caption of a successful episode."""
+"""Colour of the caption of a successful episode: red, green, blue, 0 … 255."""
 BAD = (190, 110, 0)
-"""Colour of the caption of a failed episode in which the robot stays upright."""
+"""Colour of the caption of a failed episode in which the robot stays upright: red, green, blue, 0 … 255."""
 Progress = Callable[[float], None]
 """Function that receives the completed fraction of the work, 0 … 1, and shows it."""
 
@@ -62,11 +62,11 @@ class FilmSpec:
     title: str
     """Title that is written above the images of the robots."""
     hardware: HardwareConfig = IDEAL
-    """Names of robot, motors, sensors, estimator and simulator."""
+    """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
     command: tuple[float, float, float] | None = None
     """Constant command: forward and leftward velocity, m/s, and yaw rate, rad/s.
 
-    None selects the commands of the scenario.
+    If it is None, the commands of the scenario are used.
     """
 
 
@@ -79,13 +79,13 @@ class RenderOptions:
     camera: str | None = "track"
     """Name of a camera in the MuJoCo model of the robot.
 
-    None selects a free camera near the left side of the robot. The free camera renders faster, because it draws no
-    shadows.
+    If it is None, a free camera near the left side of the robot is used. The free camera renders faster, because it
+    draws no shadows.
     """
     speed: float = 1.0
     """Playback speed: 1 is real time, less than 1 is slow motion."""
     rate: float = 25.0
-    """Requested frame rate, 1/s; the actual rate has a whole number of control steps per frame."""
+    """Requested frame rate, 1/s; it is rounded so that a frame lasts a whole number of control steps."""
     arrows: bool = True
     """True to draw the arrows of velocity, command and push, and the balls at the feet."""
 
@@ -96,7 +96,7 @@ class RenderOptions:
 
     @property
     def period(self) -> float:
-        """Time for which a frame is displayed, s."""
+        """Time for which a frame of the film is displayed, s."""
         return self.steps_per_frame * CONTROL_PERIOD / self.speed
 
     @property
@@ -108,9 +108,8 @@ class RenderOptions:
 def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions = RenderOptions()) -> None:
     """Film an episode, and write the film to a file (MP4, WebP, GIF or PNG).
 
-    Called functions raise a ValueError if the camera does not exist or if a policy is for another robot. They raise a
-    UsageError if this machine cannot render or if the film is too long for its format. They raise an OSError if the
-    file cannot be written.
+    ValueError is raised if the camera does not exist or if a policy is for another robot. UsageError is raised if this
+    machine cannot render or if the film is too long for its format. OSError is raised if the file cannot be written.
 
     Args:
         spec: Episode and policies to film.
@@ -130,8 +129,8 @@ def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions 
 def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) -> Generator[Image.Image]:
     """Render the frames of a film until all robots have fallen, or until the end of the episode.
 
-    The film continues for POST_FALL_TIME after the last fall. The last frame shows the outcome of each policy. Called
-    functions raise the same errors as for `film`.
+    The film continues for POST_FALL_TIME after the last fall. The last frame shows the outcome of the episode of each
+    policy. The errors of the function `film` are raised.
 
     Args:
         spec: Episode and policies to film.
@@ -162,7 +161,7 @@ def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step
     """Return the images of all robots with a header above them: title, time and commanded velocity.
 
     Args:
-        tiles: Images of all robots, arranged in one image.
+        tiles: Image that contains the images of all robots.
         spec: Episode and policies of the film.
         options: Appearance of the film.
         step: Control step that the frame shows.
@@ -212,7 +211,7 @@ class EpisodeView:
             yield self.step
 
     def advance(self) -> None:
-        """Simulate one more control step; the state does not change if the simulation has diverged."""
+        """Simulate one more control step; nothing changes if the simulation has diverged."""
         step = next(self._steps, None)
         if step is not None:
             self.step = step
@@ -221,9 +220,9 @@ class EpisodeView:
 
     @property
     def is_over(self) -> bool:
-        """True if this robot's film has ended, after a divergence or some time after a fall.
+        """True if the film of this robot has ended: after a divergence, or POST_FALL_TIME after a fall.
 
-        The film continues for POST_FALL_TIME after a fall.
+        A divergence is an unstable simulation.
         """
         falls = self.recorder.falls
         if not falls.fell[0]:
@@ -235,7 +234,7 @@ class EpisodeView:
     def picture(self) -> Image.Image:
         """Render the current state of the robot, with arrows and balls if `options.arrows` is set.
 
-        An image with arrows and balls has a red border after a fall.
+        After a fall, an image with arrows and balls has a red border.
         """
         marks = self._scene.marks() if self._options.arrows else ()
         image = Image.fromarray(self._frame(marks))
@@ -269,7 +268,7 @@ class EpisodeView:
             frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=viewpoint)
         except ValueError:
             raise
-        except Exception as error:  # all types, because a graphics driver may raise any type of error
+        except Exception as error:  # All types are caught, because a graphics driver may raise any type.
             raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
         return frame
 
@@ -296,8 +295,8 @@ class EpisodeView:
     def _status_caption(self, last: bool) -> tuple[str, captions.Ink]:
         """Return the text and the colour of the caption for the state of the episode.
 
-        The text is empty in normal walking. The last frame has the outcome of the episode as caption. An episode
-        shorter than SETTLING_TIME has no outcome.
+        The text is empty while the robot walks normally. The caption of the last frame is the outcome of the episode.
+        An episode that is shorter than SETTLING_TIME has no outcome.
 
         Args:
             last: True for the last frame of the film.
