@@ -278,9 +278,8 @@ def resimulate(
         episodes: Recorded signals of the repeated episode.
     """
     scenario = target.cell.scenario
-    with show_bar(
-        "simulating", in_lines=False
-    ) as progress:  # Progress is not shown, because the simulation takes only 1 to 2 s.
+    # No progress lines are printed, because the simulation takes only 1 to 2 s.
+    with show_bar("simulating", in_lines=False) as progress:
         episodes = rollout.run(
             policy.policy_for(scenario),
             scenario,

@@ -1,4 +1,4 @@
-"""Tables for a terminal: with columns, or as lines of text if the terminal is too narrow."""
+"""Tables for a terminal: printed in columns, or as lines of text if the terminal is too narrow."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,19 +14,19 @@ from rich.table import Table
 from quad_env.cli.format import NO_BREAK, break_name
 
 NAME_WIDTH = 20
-"""Width to which names in the first column are broken into lines, characters."""
+"""Maximum width of a line of the names in the first column of a table, characters."""
 _BREAK = "\u200b\n"
-"""Marked line break inside a name.
+"""Mark for a line break inside a long name: a zero-width space and a newline.
 
-The zero-width space distinguishes this line break from others. A table replaces the mark by a line break; text in lines
-joins the parts of the name.
+The zero-width space distinguishes this line break from others. A table with columns replaces the mark by a line break.
+A table that is printed as lines of text removes the mark, which joins the parts of the name.
 """
 UNLIMITED_WIDTH = 10_000
-"""Width larger than every table, characters; the natural width of a table is measured with it."""
+"""Width that is larger than every table, characters; with it, the natural width of a table is measured."""
 
 
 def format_row_name(name: str) -> str:
-    """Format a name for the first column of a table, as rich markup."""
+    """Format the `name` of a row for the first column of a table, as markup of the library rich."""
     return f" {escape(wrap_name(name, NAME_WIDTH, ' '))}"
 
 
@@ -56,16 +56,16 @@ def break_long_words(text: str, width: int) -> str:
 
 @dataclass(frozen=True)
 class FittedTable:
-    """Table in the common style; if the console is too narrow, the cells are printed as lines of text."""
+    """Table for the terminal; if the terminal is too narrow, the cells are printed as lines of text."""
 
     title: str
     """Text above the table."""
     heads: Mapping[str, str]
-    """Column -> its heading; the first column is left-aligned."""
+    """Name of a column -> its heading; the first column is left-aligned."""
     groups: Mapping[str, Sequence[Mapping[str, str]]]
-    """Name of a group -> its rows; a row is a dictionary: column -> cell.
+    """Name of a group of rows -> its rows; a row is a dictionary: name of a column -> text of the cell.
 
-    The name is printed above the rows if it is not empty.
+    If the name of the group is not empty, it is printed above the rows.
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
@@ -106,7 +106,7 @@ def _table_text(text: str) -> str:
 
 
 def _line_text(text: str, space: str = " ") -> str:
-    """Join the lines of a cell; the parts of a broken name are joined without a space."""
+    """Join the lines of a cell with `space`; the parts of a broken name are joined without a space."""
     return re.sub(f"{_BREAK} ?", "", text).replace("\n", " ").replace(" ", space)
 
 
@@ -117,10 +117,10 @@ def console_table(
 
     Args:
         title: Text above the table.
-        heads: Column -> its heading.
-        groups: Name of a group -> its rows; a row is a dictionary: column -> cell.
+        heads: Name of a column -> its heading.
+        groups: Name of a group of rows -> its rows; a row is a dictionary: name of a column -> text of the cell.
 
     Returns:
-        A table that rich can print.
+        A table that the library rich can print.
     """
     return FittedTable(title, heads, {group: [*rows] for group, rows in groups.items()})

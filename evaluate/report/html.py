@@ -1,4 +1,4 @@
-"""Elements of an HTML page: tables, images, collapsible parts.
+"""Functions that create elements of an HTML page: tables, images, collapsible parts.
 
 The functions escape arguments named `text` and values of HTML attributes. All other arguments must be valid HTML.
 """
@@ -13,12 +13,12 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
     """Create a section of the page; the result is empty if all parts are empty.
 
     Args:
-        title: Heading, HTML.
-        *parts: Contents, HTML.
-        anchor: Identifier for links; empty to make it from the words of the title.
+        title: Heading of the section, HTML.
+        *parts: Contents of the section, HTML.
+        anchor: Identifier for links; if it is empty, it is made from the words of the title.
 
     Returns:
-        HTML.
+        HTML of the section.
     """
     body = "".join(parts)
     identity = anchor or re.sub(r"\W+", "-", re.sub(r"<.*?>", "", title)).strip("-").lower()
@@ -26,22 +26,22 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
 
 
 def contents(sections: str, label: str = "Contents") -> str:
-    """Create a navigation with links to all sections in the HTML of `sections`; `label` is its name."""
+    """Create a navigation bar with links to all sections in the HTML of `sections`; `label` is its name."""
     anchors = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
     links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in anchors)
     return f'<nav aria-label="{label}"><ul>{links}</ul></nav>\n'
 
 
 def collapsible(summary: str, body: str, *, printed: bool = False) -> str:
-    """Create a part that opens on a click; the result is empty if the body is empty.
+    """Create a part of the page that opens on a click; the result is empty if the body is empty.
 
     Args:
         summary: Line that is always visible, HTML.
-        body: Contents that a click shows, HTML.
-        printed: True to show the contents on paper even if the part is closed.
+        body: Contents that become visible on a click, HTML.
+        printed: True if the contents appear on paper even while the part is closed.
 
     Returns:
-        HTML.
+        HTML of the part.
     """
     state = ' class="printed"' if printed else ""
     return f"<details{state}><summary>{summary}</summary>{body}</details>" if body else ""
@@ -56,12 +56,12 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str
     """Create a table that scrolls within itself if the page is too narrow.
 
     Args:
-        heads: Column -> its heading, HTML.
-        rows: Rows; a row is a dictionary: column -> cell, HTML.
-        kind: CSS class of the table; empty for none.
+        heads: Name of a column -> its heading, HTML.
+        rows: Rows; a row is a dictionary: name of a column -> contents of the cell, HTML.
+        kind: CSS class of the table; empty if it has none.
 
     Returns:
-        HTML.
+        HTML of the table.
     """
     head = "".join(f"<th>{text}</th>" for text in heads.values())
     body = "".join(_table_row(heads, row) for row in rows)
@@ -75,22 +75,22 @@ def _table_row(columns: Iterable[str], row: Mapping[str, str]) -> str:
 
 
 def wide(body: str) -> str:
-    """Create an element that scrolls within itself if the page is too narrow."""
+    """Create an element with the HTML `body` that scrolls within itself if the page is too narrow."""
     return f'<div class="wide">{body}</div>'
 
 
 def heading(name: str, unit: str) -> str:
-    """Format the heading of a column: the `name` of a quantity, with its `unit` below."""
+    """Create the heading of a table column: the `name` of a quantity, with its `unit` below."""
     return f"{name}<small>{unit}</small>" if unit else name
 
 
 def breakable(text: str) -> str:
-    """Escape a text, and allow line breaks at the ends of words in names, for narrow screens."""
+    """Escape a `text` for HTML, and allow line breaks after the words of long names, for narrow screens."""
     return re.sub(r"(?<=[^\W_][/_:@+-])(?=[^\W_])", "<wbr>", escape(text))
 
 
 def mark(colour: str, glyph: str) -> str:
-    """Create a mark: the character `glyph` in the given `colour`."""
+    """Create the mark of a policy or a cause of failure: the character `glyph` in the given `colour`."""
     return f'<span class="mark" style="color:{colour}">{glyph}</span>'
 
 
@@ -100,5 +100,5 @@ def image(svg: bytes, description: str) -> str:
 
 
 def grid(images: Iterable[str]) -> str:
-    """Arrange images or other parts in two columns, or in one column on a phone."""
+    """Arrange `images`, or other HTML elements, in two columns, or in one column on a phone."""
     return f'<div class="plots">{"".join(images)}</div>'

@@ -1,4 +1,4 @@
-"""HTML page of a report."""
+"""HTML page of the report of a run."""
 
 from html import escape
 from pathlib import Path
@@ -38,13 +38,13 @@ NOTES = (
     "the logarithm of severity between the levels. Its interval follows from exact binomial tests.",
     "The intervals cover the variation of episodes, not of training: another training seed gives another policy.",
 )
-"""Explanations of the methods, at the end of the page."""
+"""Explanations of the methods of the evaluation, for the end of the report."""
 Origin = tuple[str, str]
-"""Command that started a run, and the day of the start; either text is empty if unknown."""
+"""Origin of a run: the command that started it, and the day of the start; a text is empty if it is unknown."""
 
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
-    """Write the report of a run.
+    """Write the HTML report of a run.
 
     Args:
         results: Results of the run.
@@ -55,15 +55,15 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
 
 
 def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path()) -> str:
-    """Render the whole report.
+    """Render the whole HTML report of a run.
 
     Args:
         results: Results of the run.
         made_by: Command that started the run, and the day of the start.
-        folder: Folder of the report, in which pages of episodes are looked up.
+        folder: Folder of the report; the report links to the pages of episodes in it.
 
     Returns:
-        HTML.
+        HTML of the page.
     """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.plot_settings():
@@ -86,7 +86,7 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
 
 
 def _head(results: Results, made_by: Origin) -> str:
-    """Render the head of the report: verdict, extent and origin of the run, and warnings."""
+    """Render the head of the report as HTML: verdict, extent and origin of the run, and warnings."""
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in list_warnings(results))
@@ -98,7 +98,7 @@ def _head(results: Results, made_by: Origin) -> str:
 
 
 def _about(results: Results) -> str:
-    """Render the section with a description of each policy."""
+    """Render the section of the report with a description of each policy, as HTML."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
     descriptions = {name: f": {escape(text)}" for name, text in shipped_summaries(results.policies).items()}
     entries = [
@@ -109,7 +109,7 @@ def _about(results: Results) -> str:
 
 
 def _notes(results: Results) -> str:
-    """Render the last section: notes on methods, definitions of measures, and software versions."""
+    """Render the last section as HTML: notes on methods, definitions of measures, and software versions."""
     notes = "".join(f"<li>{escape(text)}</li>" for text in NOTES)
     made_with = "; ".join(f"{name} {version or 'unknown'}" for name, version in results.versions.items())
     return section(
@@ -122,7 +122,7 @@ def _notes(results: Results) -> str:
 
 
 def list_warnings(results: Results) -> list[str]:
-    """Return the warnings: policies with errors, and the early end of a run with `--until settled`."""
+    """Return the warnings on a run: policies with errors, and an early end of `--until settled`."""
     lines = [
         f"{errors.policy} failed in {errors.failed} of {with_count(errors.episodes, 'episode')}; "
         f"in the first it {errors.first}"
@@ -138,7 +138,7 @@ def list_warnings(results: Results) -> list[str]:
 
 
 def describe_extent(results: Results) -> str:
-    """Return the extent of a run in words: `64 episodes of each policy on each of 27 scenarios`."""
+    """Return the size of a run in words, such as `64 episodes of each policy on each of 27 scenarios`."""
     scenarios_of = {
         policy: [scenario for scenario, other in results.summaries if other == policy] for policy in results.policies
     }

@@ -1,4 +1,4 @@
-"""Display of the results of a run on the terminal."""
+"""Tables on the terminal with the results of a run: ranking, success and all metrics."""
 
 import re
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from evaluate.report.verdict import adjacent_pair_lines, best_and_worst, ranking
 from quad_env.cli.format import ABSENT, estimate, number, plus_minus, share, with_count
 
 MAX_DETAILED_SCENARIOS = 6
-"""Largest number of scenarios for which the table shows all metrics; for more, it shows only success."""
+"""Largest number of scenarios for which the table shows all metrics; for more scenarios, it shows only success."""
 HEAD_WIDTH = 9
-"""Width to which policy names above columns are broken into lines, characters."""
+"""Maximum width of a line of the policy names above the columns, characters."""
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -45,10 +45,12 @@ def print_results(results: Results, console: Console) -> None:
 
 
 def print_levels(results: Results, console: Console) -> None:
-    """Print the ranking, the success at each severity of each axis, and the breaking points.
+    """Print the ranking, the success at each severity of each disturbance axis, and the breaking points.
+
+    A breaking point is the severity at which half of the episodes no longer succeed.
 
     Args:
-        results: Results of a run with one or more axes (kinds of disturbance).
+        results: Results of a run with one or more disturbance axes.
         console: Terminal.
     """
     _print_answers(results, console)
@@ -66,7 +68,7 @@ def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] =
     Args:
         ranked: Ranking of the policies.
         console: Terminal.
-        hardware: Scores with the hardware profile, for an additional column.
+        hardware: Scores of the policies with the hardware profile, for an additional column.
     """
     verdict = escape(break_long_words(ranking_verdict(ranked), console.width))
     console.print(f"[bold]{verdict}[/bold]\n", highlight=False)
@@ -79,12 +81,12 @@ def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] =
 
 
 def _print_indented(markup: str, console: Console) -> None:
-    """Print a text indented by one character."""
+    """Print a text, `markup` of the library rich, with an indentation of one character."""
     console.print(Padding(markup, (0, 0, 0, 1)), highlight=False)
 
 
 def _print_answers(results: Results, console: Console) -> None:
-    """Print the ranking, the best and worst axes of each policy, and the policies that are not ranked."""
+    """Print the ranking, the best and worst disturbance axes of each policy, and the unranked policies."""
     print_ranking(results.ranking, console, results.hardware_scores)
     width = console.width - 2
     for policy, (best, worst) in best_and_worst(results).items():
@@ -103,7 +105,7 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
 
     Args:
         ranked: Ranking of the policies.
-        hardware: Scores with the hardware profile, for an additional column.
+        hardware: Scores of the policies with the hardware profile, for an additional column.
 
     Returns:
         The table.
@@ -127,13 +129,16 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
 
 
 def _print_notes(results: Results, console: Console) -> None:
-    """Print the note of each axis that has a note."""
+    """Print the notes of disturbance axes: influences on the results other than the policy."""
     for axis in (axis for axis in severity_axes(results.cells) if axis.note):
         console.print(f"\n[bold]{escape(axis.name)}[/bold]: {escape(axis.note)}", highlight=False)
 
 
 def success_table(results: Results) -> FittedTable:
-    """Create the table of success in %: a row for each axis with its severities, a column for each policy."""
+    """Create the table of success, %: a row for each disturbance axis, a column for each policy.
+
+    A cell contains the success rate at each severity of the axis in the run.
+    """
     heads = {ROW_LABEL: "axis"} | {name: escape(wrap_name(name, HEAD_WIDTH)) for name in results.policies}
     rows = []
     for axis in severity_axes(results.cells):
@@ -145,7 +150,7 @@ def success_table(results: Results) -> FittedTable:
 
 
 def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
-    """Format the success of a policy at the severities of an axis, for example `100/92/46`.
+    """Format the success rates, %, of a policy at the severities of an `axis`, such as `100/92/46`.
 
     The text is empty if the policy did not run on the axis.
     """
@@ -156,7 +161,7 @@ def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
 
 
 def summary_table(results: Results) -> FittedTable:
-    """Create the table of all metrics: a row for each policy on each scenario, intervals below the values."""
+    """Create the table of all metrics: a row for each policy on each scenario, intervals below values."""
     title = f"{with_count(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     heads = {ROW_LABEL: "policy"}
     for metric in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error"):
@@ -176,7 +181,7 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         end: Text between a value and its interval.
 
     Returns:
-        Metric -> text of its value and interval.
+        Name of a metric -> text of its value and interval.
     """
     cells = {"cost_of_transport": number(summary.cost_of_transport, 2)}
     for metric in METRICS:

@@ -10,15 +10,15 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import join_names, p_value, percent, points_with, share, with_count
 
 MAX_REPORTED_EPISODES = 10_000
-"""Largest number of needed episodes that is printed."""
+"""Upper limit of the printed number of episodes that are needed to distinguish two policies."""
 IDENTICAL_WORDS = "the same to the bit"
-"""Printed words for two policies with bit-identical episodes."""
+"""Words that are printed about two policies if all of their episodes are bit-identical."""
 INDISTINGUISHABLE_WORDS = "cannot be distinguished"
-"""Printed words for two policies if the corrected test shows no significant difference."""
+"""Words that are printed about two policies if the corrected test shows no significant difference."""
 UNCORRECTED_WORDS = "though its interval by itself excludes 0"
-"""Printed words for a difference that is not significant although its uncorrected interval excludes 0."""
+"""Words that are printed about a difference that is not significant, although its own interval excludes 0."""
 MAX_NAMES = 3
-"""Largest number of scenarios or axes that are named in one list."""
+"""Largest number of scenarios or disturbance axes that one printed list names."""
 
 
 def ranking_verdict(ranked: Ranking) -> str:
@@ -42,8 +42,8 @@ def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
     """Return the result of the corrected test of one difference in success, in words.
 
     Args:
-        corrected: p-value, corrected together with all other claims.
-        ci: 95 % interval of the difference, not corrected.
+        corrected: p-value of the difference, corrected for the number of all tests.
+        ci: 95 % interval of the difference, not corrected for the number of tests.
         identical: True if the episodes of the two policies are bit-identical.
 
     Returns:
@@ -58,32 +58,33 @@ def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
 
 
 def excludes_zero(ci: Interval) -> bool:
-    """Return True if all values of an interval have the same sign."""
+    """Return True if 0 is outside of the interval `ci`, that is, if both of its ends have the same sign."""
     return ci[0] > 0.0 or ci[1] < 0.0
 
 
 def unranked_text(results: Results) -> str:
-    """Return a text that names the policies that are not ranked, and the reason; empty if all are ranked."""
+    """Return a text with the policies that are not ranked, and the reason; empty if all are ranked."""
     ranked = {place.policy for place in results.ranking.places}
     policies = [name for name in results.policies if name not in ranked]
     return f"not ranked, for want of scenarios that the others ran: {join_names(policies)}" if policies else ""
 
 
 def adjacent_pair_lines(ranked: Ranking) -> Iterator[str]:
-    """Yield a line for each adjacent pair: the results over all scenarios and on single scenarios."""
+    """Yield a line for each pair of adjacent policies: their difference over all and on single scenarios."""
     for pair in ranked.neighbours:
         yield f"{_overall_text(pair, ranked.episodes)}{_per_scenario_text(pair, ranked)}"
 
 
 def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
-    """Return the axes (kinds of disturbance) on which each ranked policy is best and worst, as text.
+    """Return the disturbance axes on which each ranked policy is best and worst, as text.
 
     Args:
         results: Results of the run.
 
     Returns:
-        Policy -> two texts. The first names the axes with its highest success. The second names the axes with its
-        lowest success, the lowest first, with the most common cause of failure on each axis. A text may be empty.
+        Name of a policy -> two texts. The first text names the axes with the highest success of the policy. The second
+        text names the axes with its lowest success, the lowest first, and the most common cause of failure on each
+        axis. A text may be empty.
     """
     policies = [place.policy for place in results.ranking.places] or results.policies
     hardware = results.ranking.hardware
@@ -96,7 +97,7 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
 def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
     """Return the two texts of `best_and_worst` for one policy.
 
-    The first text is empty if there is only one axis, or if all axes have the same success below 100 %.
+    The first text is empty if there is only one disturbance axis, or if all axes have the same success below 100 %.
 
     Args:
         on_axes: Success of the policy on each axis, the highest first.
@@ -116,13 +117,16 @@ def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
 
 
 def _difference_text(pair: AdjacentPair) -> str:
-    """Format the difference in score of a pair in percentage points, with its interval."""
+    """Format the difference in score of two adjacent policies, in percentage points, with its interval."""
     difference = points_with(pair.difference, pair.ci)
     return f"{difference.value} points {difference.brackets}".rstrip()
 
 
 def _overall_text(pair: AdjacentPair, episodes: int) -> str:
-    """Return the result of a pair over all scenarios, in words; `episodes` is the number per scenario."""
+    """Describe the difference of two adjacent policies over all scenarios, in words.
+
+    `episodes` is the number of episodes of each policy on each scenario.
+    """
     if pair.distinguished:
         return f"{pair.better} beats {pair.worse} by {_difference_text(pair)}"
     count = with_count(episodes, "episode")
@@ -136,16 +140,17 @@ def _overall_text(pair: AdjacentPair, episodes: int) -> str:
 
 
 def _needed_text(episodes: float) -> str:
-    """Format a number of needed episodes with two significant digits, or as `more than` a maximum."""
+    """Format the number of needed `episodes` with two significant digits, or as `more than` a maximum."""
     if episodes <= MAX_REPORTED_EPISODES:
         return f"about {float(f'{episodes:.2g}'):.0f}"
     return f"more than {MAX_REPORTED_EPISODES}"
 
 
 def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
-    """Return the results of a pair on single scenarios, in words; empty if there is only one scenario.
+    """Describe the differences of two adjacent policies on single scenarios, in words.
 
-    The words are needed because a result on a single scenario may seem to contradict the result over all scenarios.
+    The text is needed, because a result on a single scenario may seem to contradict the result over all scenarios. It
+    is empty if there is only one scenario.
     """
     if len(ranked.scenarios) == 1:
         return ""
@@ -166,6 +171,6 @@ def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
 
 
 def _list_scenarios(scenarios: Sequence[str]) -> str:
-    """Return a list of up to MAX_NAMES scenarios in words, with the number of further scenarios."""
+    """Return a text with the names of up to MAX_NAMES `scenarios`, and the number of further scenarios."""
     more = len(scenarios) - MAX_NAMES
     return join_names([*scenarios[:MAX_NAMES], f"{more} more"] if more > 0 else scenarios)

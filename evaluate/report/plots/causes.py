@@ -1,4 +1,4 @@
-"""Plot of the causes of failure: a bar for each axis (kind of disturbance), divided by cause."""
+"""Plot of the causes of failure: a bar for each disturbance axis, divided into the causes."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -15,14 +15,15 @@ _COLOURS = (
 )
 """Colours of the causes of failure, in the order of CAUSES."""
 COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
-"""Cause -> colour: from the palette of Okabe and Ito, one from Tol, and greys.
+"""Cause of failure -> colour of its segments in the bars.
 
-Colour-blind readers can distinguish the colours. Segments that are long enough also show the name of their cause.
+The colours are from the palette of Okabe and Ito, one from Tol, and greys; colour-blind readers can distinguish them.
+Segments that are long enough also show the name of their cause.
 """
 ROW_HEIGHT = 0.19
-"""Height of a bar with its spacing, in."""
+"""Height of a bar of the plot including the gap to the next bar, inches."""
 LABEL_SIZE = 6.5
-"""Font size of the labels in a bar, pt."""
+"""Font size of the labels in a bar of the plot, pt."""
 
 
 def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
@@ -30,10 +31,11 @@ def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "
 
     Args:
         policy: Name of the policy.
-        shares: Axis -> cause -> episodes that failed from this cause, in % of the episodes on the axis.
+        shares: Name of a disturbance axis -> cause -> episodes that failed from this cause, in % of the episodes of the
+            policy on the axis.
 
     Returns:
-        The figure.
+        The matplotlib figure.
     """
     margins = Margins(left=0.15 + max(map(text_width, shares)), bottom=0.42, top=0.28)
     figure, axes = make_figure(ROW_HEIGHT * len(shares) + margins.top + margins.bottom, margins=margins)

@@ -1,7 +1,7 @@
-"""Plot of success rate or fall rate against severity, with one line for each policy.
+"""Plot of success or fall rate against the severity of a disturbance, with one line for each policy.
 
-A level is a scenario with one severity of its axis (kind of disturbance). A breaking point is the severity at which the
-rate crosses one half.
+A level is a scenario with one severity of a disturbance axis. A breaking point is the severity at which the rate
+crosses one half.
 """
 
 from collections.abc import Sequence
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Transform
 
 HEIGHT = 2.7
-"""Height of the plot without the legend, in."""
+"""Height of the plot without the legend, inches."""
 WIDEST = 2.6
-"""Width of the line of the first policy, pt."""
+"""Width of the line of the first policy in a plot, pt."""
 NARROWEST = 1.2
-"""Width of the line of the last policy, pt.
+"""Width of the line of the last policy in a plot, pt.
 
-Each line is narrower than the lines that it may cover, so that their edges stay visible.
+Each line is narrower than the earlier lines, which it may cover, so that the edges of the earlier lines stay visible.
 """
 DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
-"""Line styles of successive policies, repeated in this order."""
+"""Matplotlib line styles of successive policies; they repeat if there are more policies."""
 STEP = 3.0
-"""Largest horizontal distance between the marks of two successive policies at one severity, pt."""
+"""Largest horizontal shift between the marks of two successive policies at the same severity, pt."""
 SPREAD = 14.0
-"""Largest horizontal distance between the marks of the first and the last policy at one severity, pt."""
+"""Largest horizontal shift between the marks of the first and the last policy at the same severity, pt."""
 BAR = 2.5
-"""Line width of the interval of a breaking point, pt."""
+"""Line width of the interval of a breaking point in a plot, pt."""
 
 
 def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
@@ -51,7 +51,7 @@ def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label
 
     Args:
         results: Results of the run.
-        axis: Axis of disturbance with its levels.
+        axis: Disturbance axis with its levels.
         metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
         label: Label of the vertical axis.
 
@@ -62,11 +62,13 @@ def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label
 
 
 def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """Draw the figure of `severity_curves_svg`; equal curves are shifted apart so that all are visible.
+    """Draw a rate against severity, with Wilson intervals and breaking points, as a matplotlib figure.
+
+    Equal curves are shifted apart, so that all curves are visible.
 
     Args:
         results: Results of the run.
-        axis: Axis of disturbance with its levels.
+        axis: Disturbance axis with its levels.
         metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
         label: Label of the vertical axis.
 
@@ -92,7 +94,7 @@ def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, labe
 def _draw_breaking_points(
     axes: "Axes", results: Results, axis: SeverityAxis, metric: str, policies: Sequence[str]
 ) -> None:
-    """Draw the breaking points of all policies with intervals near the line at 50 %, one above the other."""
+    """Draw the breaking point of each policy with its interval near the line at 50 %, one above the other."""
     kind = "falls" if metric == FALL_RATE else "success"
     for point in results.breaking_points:
         if (point.axis, point.of, point.found) != (axis.name, kind, "crossed"):
@@ -108,14 +110,14 @@ def _draw_breaking_points(
 def _draw_levels(
     axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, index: int, count: int
 ) -> None:
-    """Draw the rate of one policy in %, with a band between the ends of its 95 % intervals.
+    """Draw the rate of one policy, %, against severity, with a band between the ends of 95 % intervals.
 
-    The interval is a vertical line if the policy has only one level.
+    If the policy has only one level, its interval is a vertical line.
 
     Args:
         axes: Matplotlib axes to draw on.
         results: Results of the run.
-        axis: Axis of disturbance with its levels.
+        axis: Disturbance axis with its levels.
         policy: Name of the policy.
         metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
         index: Index of the policy among all drawn policies.
@@ -144,12 +146,16 @@ def _draw_levels(
 
 
 def _mark_offset(index: int, count: int, step: float) -> float:
-    """Return the offset of the marks of policy `index` of `count` from the centre of all marks, pt."""
+    """Return the horizontal or vertical offset of the marks of a policy from the centre of all marks, pt.
+
+    `index` is the index of the policy among the `count` drawn policies. `step` is the largest offset between two
+    successive policies, pt.
+    """
     return (index - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
 
 
 def _shifted_data(axes: "Axes", right: float, up: float) -> "Transform":
-    """Return a transform from data coordinates to a page position, shifted by `right` and `up`, pt."""
+    """Return a matplotlib transform from data to display coordinates, shifted by `right` and `up`, pt."""
     from matplotlib.transforms import ScaledTranslation
 
     return axes.transData + ScaledTranslation(right / 72.0, up / 72.0, axes.figure.dpi_scale_trans)

@@ -14,29 +14,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
-"""Colours of policies: from the palette of Okabe and Ito, and two from Tol.
+"""Colours of the policies in plots, from the palette of Okabe and Ito, and two from Tol.
 
-Colour-blind readers can distinguish the colours. In grey print, the marks distinguish the policies.
+Colour-blind readers can distinguish the colours. In a print in grey, the marks distinguish the policies.
 """
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
-"""Matplotlib name of a mark -> Unicode character of the same mark."""
+"""Matplotlib name of the mark of a policy -> Unicode character of the same mark, for tables."""
 FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Policies with the same colour in every report: the first colours of COLOURS, in this order."""
+"""Names of the policies that have the same colour in every report: the first colours of COLOURS, in this order."""
 FONT = "DejaVu Sans"
-"""Font with which text widths are measured."""
+"""Font with which the widths of texts in plots are measured."""
 WIDTH = 3.6
-"""Width of a plot, in. At 100 points per inch it is about the width of a phone."""
+"""Width of a plot, inches; at 100 points per inch it is about the width of a phone."""
 MAX_NAME_WIDTH = 1.5
-"""Largest width of the name of a policy in a plot, in."""
+"""Largest width of the name of a policy in a plot, inches; longer names are shortened."""
 LEGEND_LINE = 0.17
-"""Height of a line of a legend, in."""
+"""Height of a line of the legend of a plot, inches."""
 
 
 def plot_settings() -> AbstractContextManager[None]:
     """Return a context manager that applies the matplotlib settings of all plots.
 
-    A fixed hash salt makes equal results give equal files. Text is stored as text, not as outlines, because this keeps
-    the page small and its plots searchable.
+    The hash salt of the SVG identifiers is fixed, so that equal results give equal files. Text is stored as text, not
+    as outlines, because this keeps the page small and its plots searchable.
     """
     import matplotlib
 
@@ -55,7 +55,7 @@ def plot_settings() -> AbstractContextManager[None]:
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins around the axes of a plot, in.
+    """Margins around the axes of a plot, inches.
 
     The margins are fixed, because an automatic layout would draw every plot twice.
     """
@@ -70,12 +70,12 @@ def make_figure(height: float, width: float = WIDTH, margins: Margins = Margins(
     """Create a matplotlib figure with one set of axes.
 
     Args:
-        height: Height, in.
-        width: Width, in.
-        margins: Margins around the axes, in.
+        height: Height of the figure, inches.
+        width: Width of the figure, inches.
+        margins: Margins around the axes, inches.
 
     Returns:
-        Figure and axes.
+        The matplotlib figure and its axes.
     """
     from matplotlib.figure import Figure
 
@@ -103,10 +103,10 @@ def figure_to_svg(figure: "Figure") -> bytes:
 
 @cache
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
-    """Return a dictionary: policy -> colour and matplotlib mark.
+    """Return the colour and the mark of each policy in plots: name of a policy -> colour, matplotlib mark.
 
-    FIXED_STYLE_POLICIES have the first colours, and other policies the remaining colours. If there are more policies
-    than colours, the colours repeat with other marks.
+    FIXED_STYLE_POLICIES have the first colours, and other policies have the remaining colours. If there are more
+    policies than colours, the colours repeat with other marks.
     """
     others = [policy for policy in policies if policy not in FIXED_STYLE_POLICIES]
     indices = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
@@ -133,7 +133,7 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
         weight: Font weight.
 
     Returns:
-        Width, in.
+        Width of the text, inches.
     """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
@@ -143,7 +143,7 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
 
 
 def short_name(policy: str) -> str:
-    """Return the name of a policy, shortened to `…` and its end if it is wider than MAX_NAME_WIDTH."""
+    """Return the name of a `policy`, shortened to `…` and its end if it is wider than MAX_NAME_WIDTH."""
     word_ends = [match.end() for match in re.finditer(r"[/_\-:@+]", policy) if match.end() < len(policy)]
     starts = (*word_ends, *range(1, len(policy)))
     candidates = (policy, *(f"…{policy[start:]}" for start in starts))
@@ -151,14 +151,14 @@ def short_name(policy: str) -> str:
 
 
 def legend_height(names: int) -> float:
-    """Return the height of the legend below the axes for a number of `names`, two in a line, in."""
+    """Return the height of the legend with a number of `names`, two in each line, inches."""
     return LEGEND_LINE * -(-names // 2)
 
 
 def add_legend(figure: "Figure") -> None:
-    """Add a legend of the policies below the axes, two in a line.
+    """Add a legend of the policies below the axes of the `figure`, two policies in each line.
 
-    The figure must have `legend_height` of free space at the bottom.
+    The figure must have free space at the bottom; its height is `legend_height`.
     """
     figure.legend(
         loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,

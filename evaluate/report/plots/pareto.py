@@ -1,4 +1,4 @@
-"""Plot of success against cost of transport, with the Pareto front as a step line."""
+"""Plot of success against cost of transport of the policies, with the Pareto front as a step line."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
-"""Alternative text of the plot."""
+"""Alternative text of the plot for screen readers."""
 HEIGHT = 2.5
-"""Height of the plot without the legend, in."""
+"""Height of the plot without the legend, inches."""
 
 
 def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
-    """Draw success against cost of transport; policies on the front have filled marks.
+    """Draw success against cost of transport; policies on the Pareto front have filled marks.
 
     Args:
-        pareto: Points of the policies, and the front.
-        policies: All policies of the run; they determine marks and colours.
+        pareto: Points of the policies (cost of transport and success), and the Pareto front.
+        policies: Names of all policies of the run; they determine marks and colours.
 
     Returns:
         The matplotlib figure.
@@ -44,7 +44,11 @@ def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
 
 
 def _draw_point(axes: "Axes", point: ParetoPoint, style: tuple[str, str], *, is_on_front: bool) -> None:
-    """Draw the mark of a policy with both intervals; `style` is its colour and matplotlib mark."""
+    """Draw the mark of a policy with the intervals of success and cost of transport.
+
+    `style` is the colour and the matplotlib mark. The mark is filled if `is_on_front`, that is, if the policy is on the
+    Pareto front.
+    """
     colour, mark = style
     cost = np.array([point.cost])
     success = np.array([100.0 * point.success])
@@ -57,13 +61,16 @@ def _draw_point(axes: "Axes", point: ParetoPoint, style: tuple[str, str], *, is_
 
 
 def _error_bar(value: float, interval: ArrayLike) -> NDArray[np.float64]:
-    """Return the distances from `value` to both interval ends, (2, 1); 0 for an end that is not finite."""
+    """Return the distances from `value` to the ends of its `interval`, (2, 1), for a matplotlib error bar.
+
+    The distance to an end that is not finite is 0.
+    """
     ends = np.asarray(interval, np.float64)
     return np.where(np.isfinite(ends), np.abs(ends - value), 0.0)[:, None]
 
 
 def _draw_steps(axes: "Axes", corners: Sequence[tuple[float, float]], right: float) -> None:
-    """Draw the front as a step line through the `corners` and on to the `right` end of the plot."""
+    """Draw the Pareto front as a step line through the `corners`, up to the `right` end of the plot."""
     costs = [*(cost for cost, _ in corners), right]
     successes = [*(success for _, success in corners), *(success for _, success in corners[-1:])]
     axes.step(costs, successes, where="post", color="#888888", linewidth=1.0)

@@ -1,6 +1,6 @@
-"""Heat map of success: a row for each axis (kind of disturbance), a block of columns for each policy.
+"""Heat map of success: a row for each disturbance axis, a block of columns for each policy.
 
-A cell of the heat map shows the success of one policy at one severity of one axis.
+A cell of the heat map shows the success rate of one policy at one severity of one axis.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,68 +18,72 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROW_HEIGHT = 0.22
-"""Height of a cell of the heat map, in."""
+"""Height of a cell of the heat map, inches."""
 COLUMN_WIDTH = 0.3
-"""Width of a cell of the heat map, in."""
+"""Width of a cell of the heat map, inches."""
 POLICY_GAP = 0.24
-"""Distance between the blocks of two policies, in."""
+"""Distance between the blocks (groups of columns) of two policies in the heat map, inches."""
 HARDWARE_GAP = 0.12
-"""Distance between the columns without and with the hardware profile, in."""
+"""Distance between the columns without and with the hardware profile in the heat map, inches."""
 NAME_WIDTH = 12
-"""Largest number of characters in a line of the policy name above a block."""
+"""Largest number of characters in a line of a policy name above the heat map."""
 NAME_SIZE = 8.0
-"""Font size of the policy name above a block, pt."""
+"""Font size of a policy name above the heat map, pt."""
 NAME_LINE = 0.135
-"""Height of a line of the policy name above a block, in."""
+"""Height of a line of a policy name above the heat map, inches."""
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Contents of a heat map, and its dimensions in inches.
+    """Contents of the heat map of success, and its dimensions in inches.
 
-    A block has one part without the hardware profile and one part with it. A part without data is left out.
+    Each policy has a block of columns. A block has two parts: columns for scenarios without the hardware profile, and
+    columns for scenarios with it. A part is left out if it has no data.
     """
 
     parts: tuple[Mapping[str, Mapping[str, Sequence[float]]], ...]
-    """For each part: policy -> axis -> success rate at each severity, the mildest first."""
+    """A dictionary for each part: policy -> disturbance axis -> success rate at each severity, the mildest first.
+
+    The first part is without the hardware profile, the second with it.
+    """
     counts: tuple[int, ...]
-    """Number of columns of each part."""
+    """Number of columns of each part, which is the largest number of severities of an axis."""
     axis_names: tuple[str, ...]
-    """Names of the axes, one for each row."""
+    """Names of the disturbance axes, one for each row of the heat map."""
     policies: tuple[str, ...]
-    """Names of the policies, one for each block."""
+    """Names of the policies, one for each block of columns."""
 
     @property
     def heads(self) -> tuple[str, ...]:
-        """Names of the policies, with line breaks, for the text above the blocks."""
+        """Names of the policies with line breaks, for the text above the blocks of columns."""
         return tuple("\n".join(break_name(policy, NAME_WIDTH)) for policy in self.policies)
 
     @property
     def block_width(self) -> float:
-        """Width of the block of one policy, in."""
+        """Width of the block of columns of one policy, inches."""
         return sum(self.counts) * COLUMN_WIDTH + (len(self.parts) - 1) * HARDWARE_GAP
 
     @property
     def policy_width(self) -> float:
-        """Distance between the centres of two blocks, in."""
+        """Distance between the centres of the blocks of two adjacent policies, inches."""
         head_width = max(text_width(line, NAME_SIZE, "bold") for head in self.heads for line in head.splitlines())
         return max(self.block_width, head_width) + POLICY_GAP
 
     @property
     def margins(self) -> Margins:
-        """Margins around the cells, in."""
+        """Margins around the cells of the heat map, inches."""
         top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in self.heads)
         return Margins(left=0.15 + max(map(text_width, self.axis_names)), right=0.05, bottom=0.06, top=top)
 
 
 def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
-    """Draw success in per cent: a row per axis, a block per policy, a column per severity.
+    """Draw the success rates in %: a row per disturbance axis, a block per policy, a column per severity.
 
     The mildest severity is on the left.
 
     Args:
-        scores: Scores without the hardware profile.
-        hardware: Scores with the hardware profile, drawn on the right of each block.
+        scores: Scores of the policies without the hardware profile.
+        hardware: Scores of the policies with the hardware profile, drawn on the right of each block.
 
     Returns:
         The matplotlib figure.
@@ -100,7 +104,10 @@ def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "F
 
 
 def _make_layout(parts: Sequence[Sequence[Score]]) -> _Layout:
-    """Collect the axes and policies of all parts, in the order of the scores."""
+    """Collect the contents of the heat map from the scores of its `parts`, in the order of the scores.
+
+    The parts are the scores without and with the hardware profile.
+    """
     rates = [{score.policy: score.axes for score in part} for part in parts]
     axis_names = dict.fromkeys(name for part in rates for axes in part.values() for name in axes)
     policies = dict.fromkeys(policy for part in rates for policy in part)
@@ -109,7 +116,7 @@ def _make_layout(parts: Sequence[Sequence[Score]]) -> _Layout:
 
 
 def _draw_policy(axes: "Axes", layout: _Layout, index: int, policy: str) -> None:
-    """Draw the name and the cells of one policy; `index` is the index of its block."""
+    """Draw the name and the cells of one `policy`; `index` is the index of its block of columns, from 0."""
     centre = (index + 0.5) * layout.policy_width
     left = centre - layout.block_width / 2
     for part, count in zip(layout.parts, layout.counts, strict=True):
@@ -122,14 +129,18 @@ def _draw_policy(axes: "Axes", layout: _Layout, index: int, policy: str) -> None
 def _draw_block(
     axes: "Axes", left: float, axis_names: Sequence[str], rates_by_axis: Mapping[str, Sequence[float]]
 ) -> None:
-    """Draw one part of the block of one policy; `left` is the position of its left edge, in."""
+    """Draw one part of the block of a policy: the cells without, or with, the hardware profile.
+
+    `left` is the left edge of the cells, inches. `rates_by_axis` contains the success rates: disturbance axis -> rate
+    at each severity, the mildest first.
+    """
     for name, rates in rates_by_axis.items():
         for column, rate in enumerate(rates):
             _draw_cell(axes, left + column * COLUMN_WIDTH, axis_names.index(name), rate)
 
 
 def _draw_cell(axes: "Axes", left: float, top: float, rate: float) -> None:
-    """Draw one cell with its success rate in per cent."""
+    """Draw one cell with its success `rate` in %; `left` and `top` are the cell's position, inches."""
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 

@@ -1,6 +1,6 @@
-"""Report section for each axis: curves over its levels, and collapsible tables of all measures.
+"""Report section for each disturbance axis: curves over its levels, and tables of all measures.
 
-An axis is a kind of disturbance; a level is a scenario with one severity of the axis.
+A level is a scenario with one severity of the axis.
 """
 
 from collections.abc import Iterator
@@ -15,35 +15,35 @@ from evaluate.report.sections.figures import comparison_table, figures_table
 from quad_env.scenarios.scenario import Scenario
 
 CURVE_LABELS = {SUCCESS_RATE: "episodes that succeed, %", FALL_RATE: "episodes with a fall, %"}
-"""Drawn metric -> label of the vertical axis of its plot."""
+"""Name of a metric that is drawn -> label of the vertical axis of its plot."""
 LEAD = (
     "Lines join the success or fall rates of the levels, bands their 95 % intervals. Marks on the line at one half: "
     "breaking points with their intervals. Severities are harder to the right. The marks of several policies at one "
     "level stand next to each other."
 )
-"""Note above the curves."""
+"""Explanation that is printed above the curves."""
 
 
 def render_axes(results: Results) -> str:
-    """Render the sections of all axes as HTML, in the order of the run."""
+    """Render the sections of all disturbance axes as HTML, in the order of the run."""
     return "".join(
         section(_title(axis), *_parts(results, axis), anchor=anchor(axis.name)) for axis in severity_axes(results.cells)
     )
 
 
 def anchor(axis: str) -> str:
-    """Return the HTML identifier of the section of an axis, for links."""
+    """Return the HTML identifier of the section of a disturbance `axis`, for links."""
     return f"axis-{axis.replace(' ', '-')}"
 
 
 def _title(axis: SeverityAxis) -> str:
-    """Return the section title: axis and quantity, or axis and severity if it has only one level."""
+    """Return the title of the section of an axis: its name, and its quantity or its only severity."""
     at = format_severity(axis.scenarios[0]) if len(axis.levels) == 1 else axis.quantity
     return escape(axis.name) + (f" <small>{escape(at)}</small>" if at != axis.name else "")
 
 
 def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
-    """Yield the parts of a section as HTML: note, curves, tables of measures, and differences."""
+    """Yield the parts of the section of an `axis` as HTML: note, curves, tables of measures, differences."""
     if axis.note:
         yield note(axis.note)
     if len(axis.levels) > 1:
@@ -58,13 +58,16 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
 
 
 def _figures(results: Results, level: Scenario) -> str:
-    """Render a heading and the table of all measures on one scenario."""
+    """Render a heading and the table of all measures on the scenario `level`, as HTML."""
     heading = f"<h3>{escape(level.name)} <small>{escape(format_severity(level))}</small></h3>"
     return f"{heading}{figures_table(results, level.name)}"
 
 
 def _differences(results: Results, axis: SeverityAxis) -> str:
-    """Render a collapsible table: differences in success between adjacent policies, and from the baseline."""
+    """Render a collapsible table of differences in success on an `axis`, as HTML.
+
+    The differences are between policies that are adjacent in the ranking, and between each policy and the baseline.
+    """
     names = axis.scenario_names
     comparisons = [
         comparison

@@ -1,6 +1,6 @@
 """Report section on causes of failure: a plot for each policy, without and with the hardware profile.
 
-A plot has a bar for each axis (kind of disturbance), divided by cause.
+A plot has a bar for each disturbance axis, which is divided into the causes.
 """
 
 from collections import Counter
@@ -18,13 +18,13 @@ LEAD = (
     "Failed episodes by the first deciding event, by the rules of docs/causes.md, in % of the episodes of an axis. "
     "python -m evaluate replay FOLDER EPISODE prints the story of one episode."
 )
-"""Note above the plots."""
+"""Explanation that is printed above the plots."""
 TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}
-"""True with the hardware profile, False without it -> heading above the plots."""
+"""True (with the hardware profile) or False (without it) -> heading above the plots."""
 
 
 def render_causes(results: Results) -> str:
-    """Render the section as HTML; empty if the run has no known cause of failure."""
+    """Render the section on causes of failure as HTML; empty if no cause of failure is known in the run."""
     occurring = {cause for summary in results.summaries.values() for cause in summary.causes}
     if not occurring:
         return ""
@@ -33,14 +33,15 @@ def render_causes(results: Results) -> str:
 
 
 def _key_entry(cause: str) -> str:
-    """Render the name of a cause with its colour, for the key above the plots."""
+    """Render the name of a `cause` of failure with its colour as HTML, for the legend above the plots."""
     return f'<span style="white-space:nowrap">{mark(plots.COLOURS[cause], "■")}{cause.replace("_", " ")}</span>'
 
 
 def _cause_plots(results: Results) -> Iterator[str]:
-    """Yield a heading with a plot for each policy that failed, in the order of the ranking, as HTML.
+    """Yield headings and plots as HTML: a plot for each policy that failed, in the order of the ranking.
 
-    The first heading is for scenarios without the hardware profile, the second for scenarios with it.
+    The plots below the first heading are for scenarios without the hardware profile, below the second heading for
+    scenarios with it.
     """
     for on_hardware_profile, title in TITLES.items():
         axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == on_hardware_profile]
@@ -52,15 +53,18 @@ def _cause_plots(results: Results) -> Iterator[str]:
 
 
 def _cause_plot(policy: str, shares: Mapping[str, Mapping[str, float]]) -> str:
-    """Render the plot of one policy; `shares` is the argument of `draw_cause_bars`."""
+    """Render the plot of the causes of failure of one `policy` as HTML.
+
+    `shares` is a dictionary: disturbance axis -> cause -> failed episodes, in % of the episodes on the axis.
+    """
     svg = figure_to_svg(plots.draw_cause_bars(policy, shares))
     return image(svg, f"Causes of failures of {policy} on each axis, in per cent")
 
 
 def _shares(results: Results, policy: str, axes: Iterable[SeverityAxis]) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the name of each axis that the policy ran, and a dictionary of its causes of failure.
+    """Yield the name of each disturbance axis that the policy ran, and its causes of failure there.
 
-    The dictionary is: cause -> episodes that failed from this cause, in % of the episodes of the policy on the axis.
+    The causes are a dictionary: cause -> episodes that failed from it, in % of the episodes of the policy on the axis.
     """
     for axis in axes:
         summaries = [

@@ -1,4 +1,4 @@
-"""Report section on effort: table of effort measures, and Pareto front with the hardware profile."""
+"""Report section on motor effort: table of measures, and Pareto front with the hardware profile."""
 
 from collections.abc import Iterator
 from html import escape
@@ -14,17 +14,17 @@ MOTION = (
     "Measured while upright; means over episodes with 95 % intervals. The cost of transport is computed from all "
     "episodes together."
 )
-"""Note below the table."""
+"""Explanation that is printed below the table of effort measures."""
 
 
 def render_effort(results: Results) -> str:
-    """Render the section as HTML; empty if it has neither a table nor a plot."""
+    """Render the section on motor effort as HTML; empty if it has neither a table nor a plot."""
     hardware_front = render_pareto_front(results, hardware=True) if not results.ranking.hardware else ""
     return section("Effort", *_figures(results), hardware_front)
 
 
 def _figures(results: Results) -> Iterator[str]:
-    """Yield the table of effort measures and its note, if the run has a scenario in EFFORT_SCENARIOS.
+    """Yield the table of effort measures and its note as HTML, if a scenario is in EFFORT_SCENARIOS.
 
     The table has a row for each policy on each of these scenarios.
     """
@@ -41,7 +41,7 @@ def _figures(results: Results) -> Iterator[str]:
 
 
 def _row(results: Results, scenario: str, policy: str) -> dict[str, str]:
-    """Return the table row of a policy on a scenario: column -> effort measure as HTML."""
+    """Return the table row of a `policy` on a `scenario`: name of a column -> effort measure as HTML."""
     summary = results.summaries[scenario, policy]
     row = {ROW_LABEL: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
     for name in EFFORT:

@@ -1,4 +1,4 @@
-"""Report section on failures: the worst and the most typical failure of each policy on each axis."""
+"""Report section on failures: worst and most typical failure of each policy on each disturbance axis."""
 
 import math
 import shlex
@@ -18,21 +18,21 @@ LEAD = (
     "failure nearest to the median time among those with the policy's most frequent cause on the axis. python -m "
     "evaluate report {} --pages makes and links a page of each: film and curves."
 )
-"""Note above the tables."""
+"""Explanation that is printed above the tables of failures."""
 HEADS = {"axis": "axis", "which": "failure", "where": "scenario", "cause": "cause", "time": "time, s", "page": "page"}
-"""Column -> its heading."""
+"""Name of a column of the tables of failures -> its heading."""
 
 
 def render_failures(results: Results, folder: Path) -> str:
-    """Render the section: a table of failures for each policy.
+    """Render the section on failures: a table of failures for each policy.
 
     Args:
         results: Results of the run.
-        folder: Folder of the report, which may contain pages of episodes. A failure with a page has a link to the page;
-            any other failure has the command that makes the page.
+        folder: Folder of the report, which may contain HTML pages of episodes. If a failed episode has a page, its row
+            has a link to the page. Otherwise its row has the command that makes the page.
 
     Returns:
-        HTML; empty if no episode failed.
+        HTML of the section; empty if no episode failed.
     """
     tables = []
     by_policy = groupby(analysis.select_failures(results), key=lambda selected: selected[1].policy)
@@ -46,7 +46,10 @@ def render_failures(results: Results, folder: Path) -> str:
 
 
 def _row(kind: str, failure: FailedEpisode, folder: Path) -> dict[str, str]:
-    """Return the table row of one failure: column -> cell as HTML; `kind` is from `select_failures`."""
+    """Return the table row of one failed episode: name of a column -> contents of the cell as HTML.
+
+    `kind` is the kind of the failure, from `select_failures`. `folder` is the folder of the report.
+    """
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
     link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'
     return {

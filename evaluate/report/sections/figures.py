@@ -1,4 +1,4 @@
-"""HTML tables: paired differences in success, values of all measures, definitions of all measures."""
+"""HTML tables of the report: paired differences in success, all measures, and their definitions."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -16,23 +16,23 @@ from evaluate.report.verdict import claim_text
 from quad_env.cli.format import ABSENT, Estimate, four_digits, points_with, share
 
 UNKNOWN = math.nan, math.nan
-"""Interval of a value for which no interval is computed."""
+"""Ends of the interval of a value for which no interval is computed."""
 
 
 def policy_label(results: Results, policy: str) -> str:
-    """Return HTML: the mark of a `policy` in the plots of the `results`, and its name."""
+    """Return the label of a `policy` as HTML: its mark in the plots of the `results`, and its name."""
     colour, shape = style(results, policy)
     return f"{mark(colour, MARKS[shape])}{breakable(policy)}"
 
 
 def comparison_table(comparisons: Iterable[Comparison]) -> str:
-    """Create the table of differences in success: a row for each pair of policies on each scenario."""
+    """Create the HTML table of differences in success: a row for each pair of policies on each scenario."""
     heads = {ROW_LABEL: "difference", "success": heading("success", "% points"), "p": "p"}
     return table(heads, map(_comparison_row, comparisons))
 
 
 def _comparison_row(comparison: Comparison) -> dict[str, str]:
-    """Return the table row of one comparison of success: column -> cell as HTML."""
+    """Return the table row of one comparison of success: name of a column -> contents of the cell as HTML."""
     pair = f"{breakable(comparison.a)} − {breakable(comparison.b)}"
     return {
         ROW_LABEL: f"{pair}<small>{escape(comparison.scenario)}</small>",
@@ -42,7 +42,7 @@ def _comparison_row(comparison: Comparison) -> dict[str, str]:
 
 
 def figures_table(results: Results, scenario: str) -> str:
-    """Create the table of all measures on a `scenario`: a row per measure, a column per policy.
+    """Create the table of all measures on a scenario: a row for each measure, a column for each policy.
 
     Args:
         results: Results of the evaluation.
@@ -64,30 +64,30 @@ def figures_table(results: Results, scenario: str) -> str:
 
 
 def _rate_cells(summaries: Mapping[str, Summary], rate: str) -> dict[str, str]:
-    """Return a dictionary: policy -> text of its rate with interval."""
+    """Return the table row of a `rate`: policy -> text of its success or fall rate with interval."""
     return {
         policy: share(getattr(summary, rate), getattr(summary, f"{rate}_ci")) for policy, summary in summaries.items()
     }
 
 
 def _extra_names(summaries: Iterable[Summary]) -> list[str]:
-    """Return the names of all measures that extensions add, in the order of their first summary."""
+    """Return the names of all measures of extensions in the `summaries`, in the order of occurrence."""
     return [*dict.fromkeys(name for summary in summaries for name in summary.figures if name not in FIGURES)]
 
 
 def _figure(summary: Summary, name: str) -> str:
-    """Format the measure `name` of a summary as HTML, with its interval if it has one."""
+    """Format the measure `name` of a policy on a scenario as HTML, with its interval if it has one."""
     ends = getattr(summary, f"{name}_ci", summary.effort_intervals.get(name, UNKNOWN))
     return with_interval_below(four_digits(summary.figures.get(name, math.nan), ends))
 
 
 def with_interval_below(figure: Estimate) -> str:
-    """Format a value as HTML, with its interval below in small type if it has one."""
+    """Format the value `figure` as HTML; its interval, if it has one, is below in small type."""
     return figure.value + (f"<small>{figure.interval}</small>" if figure.has_interval else "")
 
 
 def measure_definitions() -> str:
-    """Create the table that defines all measures: unit, frame, formula and source."""
+    """Create the HTML table that defines all measures: unit, frame, formula and source."""
     rows = [
         {
             "measure": f"{escape(measure.title)}<small>{measure.name}</small>",

@@ -1,6 +1,6 @@
-"""Report sections on all axes together: heat map of success, and table of breaking points.
+"""Report sections on all disturbance axes: heat map of success, and table of breaking points.
 
-An axis is a kind of disturbance. A breaking point is the severity at which half of the episodes no longer succeed.
+A breaking point is the severity at which half of the episodes no longer succeed.
 """
 
 from html import escape
@@ -21,22 +21,22 @@ SUCCESS_LEAD = (
     "succeeds if the robot stays upright and tracks its command within tolerance in every interval. Apart on the "
     "right: with the robot's hardware profile."
 )
-"""Note above the heat map."""
+"""Explanation that is printed above the heat map of success."""
 BREAKING_LEAD = (
     "Severities at which half of the episodes no longer succeed, with 95 % intervals: from the last level that "
     "significantly fewer than half of the episodes fail to the first level that significantly more fail. More levels "
     "near it make the interval narrower. “None up to” names the hardest level of the run, “already at” the mildest."
 )
-"""Note above the breaking points."""
+"""Explanation that is printed above the table of breaking points."""
 
 
 def render_overview(results: Results) -> str:
-    """Render the heat map and the breaking points as HTML; a part without data is left out."""
+    """Render heat map of success and breaking points as HTML; a part is left out if it has no data."""
     return f"{_heat_map(results)}{_breaking_points(results)}"
 
 
 def _heat_map(results: Results) -> str:
-    """Render the heat map; empty if the run has only one axis."""
+    """Render the heat map of success as HTML; empty if the run has only one disturbance axis."""
     scores = (*results.scores, *results.hardware_scores)
     if all(len(score.axes) < 2 for score in scores):
         return ""
@@ -46,7 +46,7 @@ def _heat_map(results: Results) -> str:
 
 
 def _breaking_points(results: Results) -> str:
-    """Render the table of breaking points of success; empty if the run has none."""
+    """Render the table of breaking points of success as HTML; empty if the run has no breaking points."""
     points = [point for point in results.breaking_points if point.of == "success"]
     cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in points}
     axes = {axis for axis, _ in cells}

@@ -1,4 +1,4 @@
-"""First sections of the report: ranking with Pareto front, and best and worst axes of each policy."""
+"""First sections of the report: ranking, Pareto front, and best and worst axes of each policy."""
 
 from html import escape
 
@@ -26,7 +26,7 @@ def render_ranking(results: Results) -> str:
 
 
 def _lead(results: Results) -> str:
-    """Return the note below the ranking: how the score is computed, and the policies that have no rank."""
+    """Return the note below the ranking: the definition of the score, and the policies that have no rank."""
     axes = results.ranking.axes
     score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " if axes > 1 else ""
     unranked = unranked_text(results)
@@ -39,10 +39,10 @@ def render_pareto_front(results: Results, *, hardware: bool) -> str:
 
     Args:
         results: Results of the run.
-        hardware: True for the results with the hardware profile, False for the results without it.
+        hardware: True for the scenarios with the hardware profile, False for the scenarios without it.
 
     Returns:
-        HTML; empty if no policy has a cost of transport.
+        HTML of the plot; empty if no policy has a cost of transport.
     """
     pareto = results.hardware_pareto if hardware else results.pareto
     if not pareto.front:
@@ -54,7 +54,7 @@ def render_pareto_front(results: Results, *, hardware: bool) -> str:
 
 
 def _table(results: Results) -> str:
-    """Create the table of scores: a row for each policy.
+    """Create the HTML table of scores, with a row for each policy.
 
     The columns are the scores without and with the hardware profile, and the cost of transport.
     """
@@ -76,7 +76,10 @@ def _table(results: Results) -> str:
 
 
 def render_best_and_worst(results: Results) -> str:
-    """Render the table of the axes on which each policy is best and worst, with its causes of failure."""
+    """Render the table of the disturbance axes on which each policy is best and worst, as HTML.
+
+    The most common cause of failure is added to each of the worst axes.
+    """
     heads = {ROW_LABEL: "policy", "best": "best on", "worst": "worst on"}
     rows = (
         {ROW_LABEL: policy_label(results, policy), "best": escape(best), "worst": escape(worst)}
