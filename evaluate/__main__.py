@@ -75,7 +75,7 @@ def _plan(words: list[str]) -> "Plan":
         words: Words of the command line after `python -m evaluate`, all of them options and their values.
 
     Returns:
-        The checked plan of the evaluation: its policies, scenarios, episodes and output files.
+        The checked plan of the evaluation, with its policies, scenarios, episodes and output files.
     """
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()

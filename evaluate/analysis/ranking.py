@@ -61,9 +61,9 @@ class AdjacentPair:
     It is NaN if the difference is already significant, and infinite if the observed difference is 0.
     """
     better_on: tuple[str, ...] = ()
-    """Names of the scenarios on which `better` has a significantly higher success rate than `worse`."""
+    """Names of scenarios on which the policy `better` succeeds significantly more often than `worse`."""
     worse_on: tuple[str, ...] = ()
-    """Names of the scenarios on which `worse` has a significantly higher success rate than `better`."""
+    """Names of scenarios on which the policy `worse` succeeds significantly more often than `better`."""
     identical: bool = False
     """True if all episodes of the two policies are bit-identical.
 

@@ -244,7 +244,11 @@ def write_json(results: Results, path: Path) -> None:
 
 
 def nan_to_null(value: Any) -> Any:
-    """Replace every number that is not finite by None, in nested dictionaries, lists and tuples."""
+    """Replace every number in `value` that is not finite by None.
+
+    The reason is that JSON has neither NaN nor infinity. The value may contain nested dictionaries, lists and tuples. A
+    tuple becomes a list.
+    """
     if isinstance(value, dict):
         return {key: nan_to_null(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -253,7 +257,7 @@ def nan_to_null(value: Any) -> Any:
 
 
 def null_to_nan(value: Any) -> Any:
-    """Replace every None by NaN, in nested dictionaries and lists; the inverse of `nan_to_null`."""
+    """Replace every None in `value` by NaN, in nested dictionaries and lists, as read from results.json."""
     if isinstance(value, dict):
         return {key: null_to_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):

@@ -33,7 +33,7 @@ class Summary:
     severity: float
     """Severity of the scenario in `severity_unit`; 0 if the scenario belongs to no disturbance axis."""
     severity_unit: str
-    """Unit of the severity, for example `N·s`; empty if the severity has no unit."""
+    """Unit of the scenario's severity, for example `N·s`; empty if the severity has no unit."""
     successes: int
     """Number of episodes of the policy on the scenario that succeeded by the success rule."""
     success_rate: float

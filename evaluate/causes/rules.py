@@ -353,7 +353,7 @@ The first rule that yields an event with a score of at least 1 determines the ca
 
 
 def _can_rise(record: EpisodeSignals) -> bool:
-    """Return True if the terrain can have steps or bumps: it is neither flat nor a plane slope."""
+    """Return True if the terrain of the episode can have steps or bumps: neither flat nor a plane slope."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
 
 

@@ -87,7 +87,7 @@ class Manifest:
     threads: int
     """Number of parallel processes or threads of the simulation; it has no influence on the results."""
     hardware: HardwareConfig = IDEAL
-    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
+    """Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Label of a policy -> names of the scenarios to which the policy is restricted.
 
@@ -133,7 +133,7 @@ class Manifest:
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
     def as_json(self) -> dict[str, Any]:
-        """Return the contents of manifest.json: key -> JSON value."""
+        """Return the contents of the file manifest.json, with hashes to detect changes: key -> JSON value."""
         contents = {
             "schema": SCHEMA,
             "fingerprint": self.fingerprint,
@@ -149,7 +149,7 @@ class Manifest:
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
     def write(self, folder: Path) -> None:
-        """Write the manifest as manifest.json into the results `folder`."""
+        """Write the manifest as the file manifest.json into the results folder `folder`."""
         write_atomically(folder / NAME, (json.dumps(self.as_json(), indent=2) + "\n").encode())
 
 

@@ -272,7 +272,7 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
         seed: Seed of the random draws.
 
     Yields:
-        Block of resamples: counts of each value of the sample, with one row per resample, (rows, size).
+        Number of times that each value of the sample is drawn, with one row per resample of the block, (rows, size).
     """
     if size * count <= MAX_CACHED_VALUES:
         yield _cached_counts(size, count, seed)
