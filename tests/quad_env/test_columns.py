@@ -1,4 +1,4 @@
-"""Sums and checks of columns; that one robot has the bits that it has in a batch is in `physics/test_same_bits`."""
+"""Sums and checks of columns; `physics/test_same_bits` tests that a robot has equal bits alone and in a batch."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Settings that are no setting are refused where they are written, with what to write instead."""
+"""Invalid settings are refused at their construction, with the valid values."""
 
 import math
 from typing import Any

@@ -1,4 +1,6 @@
-"""`python -m quad_env describe` says what a model tells, whether the robot stands, and writes what can be changed."""
+"""`python -m quad_env describe` reports the parameters of a model and whether it stands, and
+writes an editable file.
+"""
 
 from pathlib import Path
 
@@ -42,7 +44,7 @@ def test_what_is_missing_is_asked_for_and_can_be_told(tmp_path: Path, capsys: py
     assert main(["describe", str(told)]) == 0
     kept = told.read_text(encoding="utf-8")
     assert main(["describe", str(path), "--toml", str(told)]) == 2
-    assert told.read_text(encoding="utf-8") == kept  # what somebody has told is not written over by what is not known
+    assert told.read_text(encoding="utf-8") == kept  # known values are not overwritten by unknown ones
 
 
 def test_a_robot_that_does_not_stand_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""Diagnosis of a robot that does not stand: it stands with the remedy that `doctor` names."""
+"""Diagnosis of a robot that does not stand: it stands after the remedy that `doctor` names."""
 
 import re
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_the_gains_that_are_proposed_let_the_robot_stand(gains: str, tmp_path: P
     assert finding(SOUND, tmp_path, told).result == "ok"
 
 
-MODELS = {  # a fault, and what is named
+MODELS = {  # a fault, and the text of the finding
     "springs": (SOUND.replace(JOINT, f'{JOINT} stiffness="400" springref="1"'), "springs"),
     "placeholder inertia": (
         SOUND.replace('mass="0.4" diaginertia="0.002 0.002 0.002"', 'mass="0.4" diaginertia="100 100 100"'),
@@ -54,7 +54,7 @@ MODELS = {  # a fault, and what is named
 
 
 def in_millimetres(model: str) -> str:
-    """The same model with its lengths times a thousand."""
+    """Return the model with its lengths multiplied by a thousand."""
 
     def longer(found: re.Match[str]) -> str:
         return f'{found[1]}="{" ".join(repr(1000.0 * float(each)) for each in found[2].split())}"'
@@ -76,7 +76,7 @@ def test_a_fault_of_the_model_is_named_and_not_the_gains(fault: str, tmp_path: P
     assert found.result == "problem"
     assert words in found.cause, found
     assert "servo" not in found.remedy
-    assert finding(SOUND, tmp_path).result == "ok"  # which is the model with the remedy
+    assert finding(SOUND, tmp_path).result == "ok"  # the model with the remedy
 
 
 @pytest.mark.parametrize("gains", ["", GAINS["soft"], GAINS["violent"]], ids=["none", "soft", "violent"])
@@ -124,13 +124,13 @@ WIDE_FEET = '<geom type="capsule" size="0.05" fromto="0 -0.19 -0.22 0 0.19 -0.22
 
 
 def with_feet(foot: str) -> str:
-    """A robot whose bodies have names, with these feet."""
+    """Return a robot with named bodies and given feet."""
     count = iter(range(20))
     return re.sub("<body pos", lambda _: f'<body name="part{next(count)}" pos', Made(foot=SHIN + foot).xml())
 
 
 def test_bodies_that_press_against_each_other_are_named_and_the_remedy_helps(tmp_path: Path) -> None:
-    """Feet that reach across to the other side."""
+    """The feet reach across to the other side."""
     found = finding(with_feet(WIDE_FEET), tmp_path)
     assert found.result == "problem"
     assert "part2 and part5" in found.cause
@@ -144,7 +144,7 @@ def test_bodies_that_press_against_each_other_are_named_and_the_remedy_helps(tmp
 
 
 def test_a_link_that_has_the_mass_of_shapes_around_it_is_believed(tmp_path: Path) -> None:
-    """As in ANYmal's URDF: the mass is that of a link without shapes, which is fixed to the trunk, turned."""
+    """As in ANYmal's URDF, the mass belongs to a link without shapes, which is fixed to the trunk with a rotation."""
     trunk = '<inertial pos="0 0 0" mass="6.0" diaginertia="0.05 0.1 0.1"/>'
     weight = '<body name="weight" pos="0.02 0 0.01" euler="0 0 90">'
     moved = f'{weight}<inertial pos="0 0 0" mass="6.0" diaginertia="0.2 0.1 0.2"/></body>'

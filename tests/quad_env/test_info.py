@@ -1,4 +1,4 @@
-"""`python -m quad_env info` says what the environment is."""
+"""`python -m quad_env info` describes the environment."""
 
 import re
 from dataclasses import replace

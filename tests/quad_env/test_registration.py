@@ -1,4 +1,4 @@
-"""The environment is in Gymnasium's registry in whatever order the two are imported, and loads it for nobody else."""
+"""The environment is in Gymnasium's registry in any order of imports; no other environment loads the package."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Seed families are disjoint, whatever the seed."""
+"""Seed families are disjoint for any seed."""
 
 from functools import cached_property
 

@@ -1,4 +1,4 @@
-"""Settings as plain values and back."""
+"""Conversion of settings to plain values and back."""
 
 import pytest
 

@@ -99,9 +99,7 @@ def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
 
 
 def test_joint_damping_is_part_of_the_bias(state: State) -> None:
-    """Only the damping of the MJCF's joints, 0.2 N·m·s/rad, changes the sign of its power with
-    the direction of motion.
-    """
+    """Only the damping, 0.2 N·m·s/rad in the MJCF, changes the bias with the sign of the velocity."""
     bias = state.bodies().bias_force[6:]
     state.velocity, state.turning, state.speeds = -state.velocity, -state.turning, -state.speeds
     np.testing.assert_allclose(0.5 * (bias - state.bodies().bias_force[6:]), -0.2 * state.speeds, atol=1e-9)

@@ -54,9 +54,7 @@ def robots(scenario: str, simulator: str) -> SimpleQuadVectorEnv:
 
 
 def compare(scenario: str, steps: int = 40) -> None:
-    """Check that observations, rewards and ends of trotting robots agree within 1e-4, from
-    MuJoCo's state in each step.
-    """
+    """Check that observations, rewards and ends agree within 1e-4 in each step from MuJoCo's state, for a trot."""
     ours, theirs = robots(scenario, "mujoco"), robots(scenario, "warp")
     observation, _ = ours.reset(seed=1)
     np.testing.assert_allclose(theirs.reset(seed=1)[0], observation, atol=1e-6)

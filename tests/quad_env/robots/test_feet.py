@@ -23,7 +23,7 @@ def welded_ball(x: float) -> str:
     return f'<body pos="{x} 0 -0.22">{ball(0.0, 0.0, z=0.0)}</body>'
 
 
-FEET = {  # shape of the foot, and number of its geoms that touch the ground in any pose
+FEET = {  # shape of the foot, and number of its geoms that touch the ground in at least one pose
     "one ball": (ball(0, 0), 1),
     "two balls fore and aft": (ball(0.03, 0) + ball(-0.03, 0), 2),
     "two balls fore and aft, the toe longer": (ball(0.05, 0, z=-0.215) + ball(-0.02, 0), 2),

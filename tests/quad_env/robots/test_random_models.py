@@ -1,6 +1,4 @@
-"""A robot of a model with any attributes moves as in MuJoCo's compilation, except for the
-features that a line names.
-"""
+"""A robot of a model with any attributes moves as in MuJoCo's compilation, except for features that a line names."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Axes: levels, names, draws that shift no others, starts that just touch the ground."""
+"""Axes: levels, names, independent draws, and starts that just touch the ground."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
 
 
 def test_slow_goes_straight_ahead_down_to_where_the_rule_of_success_begins() -> None:
-    """Every level is above MOVING as policies see and records hold it, so that no level is one on which to stand."""
+    """Every level is above MOVING in float32 and in records, so that no level is a standstill."""
     axis = AXES["slow"]
     assert (axis.levels, axis.harder_when_smaller, axis.nominal) == ((0.2, 0.1, 0.05), True, 0.2)
     for number, speed in enumerate(axis.levels, 1):
@@ -61,7 +61,7 @@ def test_the_first_three_scenarios_are_as_ever() -> None:
 
 
 def started(scenario: Scenario) -> Simulation:
-    """Eight robots at the start of an episode."""
+    """Return eight robots at the start of an episode."""
     simulation = Simulation(SIMPLE_QUAD, scenario, SimulationConfig(num_envs=8))
     simulation.reset(
         np.arange(8),

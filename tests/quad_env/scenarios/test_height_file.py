@@ -1,4 +1,4 @@
-"""A user's own ground: which way round it lies, where robots start on it, and what is no ground."""
+"""User-defined ground: its orientation, the starts of robots on it, and invalid files."""
 
 import os
 import zlib
@@ -18,14 +18,14 @@ from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample
 
-RAMP = np.tile(np.arange(9), (5, 1))  # up towards +x
+RAMP = np.tile(np.arange(9), (5, 1))  # rising towards +x
 CORNERED = RAMP.copy()
-CORNERED[:2, 0] = 20, 10  # and a step in the far left corner, that of the largest y and the least x
+CORNERED[:2, 0] = 20, 10  # a step in the far left corner: the largest y and the least x
 SIZE = (4.0, 2.0)
 
 
 def written(folder: Path, values: np.ndarray, kind: str = "npy", lines: str = "", size: object = list(SIZE)) -> str:
-    """The path of a TOML that names these values as a file of that kind."""
+    """Write values as a file of a kind and a TOML that names it, and return the path of the TOML."""
     file, toml = folder / f"hill.{kind}", folder / "hill.toml"
     if kind == "npy":
         np.save(file, values)
@@ -98,7 +98,7 @@ def test_the_scenario_is_a_value_that_names_the_content_of_its_file(tmp_path) ->
 
 
 def bomb(content: bytes) -> bytes:
-    """A PNG that says that it is 20 000 x 20 000."""
+    """Return a PNG that claims a size of 20 000 x 20 000."""
     header = b"IHDR" + (20_000).to_bytes(4, "big") * 2 + content[24:29]
     return content[:12] + header + zlib.crc32(header).to_bytes(4, "big") + content[33:]
 

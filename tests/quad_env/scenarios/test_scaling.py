@@ -1,4 +1,4 @@
-"""A level means the same for every robot: its scenarios in its own lengths, masses and times."""
+"""A severity level is equal for every robot: scenarios in the robot's own lengths, masses and times."""
 
 from dataclasses import replace
 from functools import partial
@@ -34,7 +34,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 def everything(of: Scenario) -> dict[str, float]:
-    """What a scenario asks of a robot, in units of its own."""
+    """Return all demands of a scenario in its own units."""
     terrain = of.terrain
     found = {
         "forward": of.commands.forward[1],
@@ -52,7 +52,7 @@ def everything(of: Scenario) -> dict[str, float]:
 
 
 def own(robot: Robot, of: Scenario) -> dict[str, float]:
-    """The same by what the robot measures: legs, weight, the speed of a fall from its own height."""
+    """Return these demands relative to the robot: leg length, weight, and the speed of a fall from its own height."""
     speed, weight = np.sqrt(GRAVITY * robot.leg_length), robot.mass * GRAVITY
     by = dict.fromkeys(("forward", "lateral"), speed) | {
         "yaw": speed / robot.leg_length,
@@ -97,7 +97,7 @@ def test_slow_commands_are_those_of_the_rule_of_success_for_every_robot(small: R
 def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:
     assert all(scaled(each, SIMPLE_QUAD) is each for each in SCENARIOS.values())
     assert all(axis.for_robot(SIMPLE_QUAD) is axis for axis in AXES.values())
-    scenarios_of.cache_clear()  # as after scenarios of many robots
+    scenarios_of.cache_clear()  # the cache is full after scenarios of many robots
     assert scenario("push") is SCENARIOS["push"]
     assert scenario("push").pushes.impulse == 35.0
     assert scenario("push", small) != SCENARIOS["push"]
@@ -156,7 +156,7 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
 
 
 def test_a_validation_is_on_the_robots_own_ground(small: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the call site: which scenario, and which robot, are really run."""
+    """The test checks the scenario and the robot at the call site."""
     monkeypatch.setattr(validation, "run", partial(validation.run, steps=101))
     chosen, hardware = ValidationConfig(episodes=1, scenarios=("push",)), HardwareConfig(robot=str(small.source))
     with begun() as found:

@@ -1,4 +1,4 @@
-"""Scenarios as they are written: names, levels, severities, several at once, and what is refused."""
+"""Scenarios in text form: names, levels, severities, sums of scenarios, and invalid texts."""
 
 from dataclasses import replace
 

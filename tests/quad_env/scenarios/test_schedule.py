@@ -1,4 +1,4 @@
-"""Schedule of each robot by hand: its episode, command and pushes."""
+"""Schedule of each robot by hand: episode, command and pushes."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def episode(seed: int, number: int) -> EpisodeSample:
 
 
 def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> None:
-    """Robot 1 is in its third when the others begin their second, and then gets another seed."""
+    """Robot 1 is in its third episode when the others start their second one, and then gets another seed."""
     found = schedule()
     numbers = {0: 0, 1: 0, 2: 0}
     for robots in ([0, 1, 2], [1], [0, 1, 2]):
@@ -49,7 +49,7 @@ def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> No
 
 
 def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
-    """Every ten control steps of a robot's own clock, from its own stream."""
+    """A new command comes every ten control steps of a robot's own clock, from its own stream."""
     found, drawn = schedule(), [episode(4 + robot, 0) for robot in range(3)]
     found.reset(ALL, None)
     commands = [each.next_command() for each in drawn]
@@ -65,7 +65,7 @@ def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
 
 
 def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
-    """Of each robot its own; one that begins again without is drawn one."""
+    """Each robot has its own command; a robot that is reset without a command draws one."""
     found, held = schedule(), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     found.reset(ALL, held)
     np.testing.assert_array_equal(found.command, held)
@@ -82,7 +82,7 @@ def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
 
 
 def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
-    """The plan's by the clock of each robot; a push by hand from its own step on, and not into the next episode."""
+    """Planned pushes follow the clock of each robot; a manual push starts in its own step and ends with the episode."""
     found = schedule()
     found.reset(ALL, None)
     plans = [episode(4 + robot, 0).pushes for robot in range(3)]

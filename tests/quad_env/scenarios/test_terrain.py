@@ -1,4 +1,4 @@
-"""Height fields: their statistics, and that the height we compute is the one MuJoCo collides with."""
+"""Height fields: their statistics, and equal heights in the environment and in MuJoCo's collisions."""
 
 from dataclasses import replace
 
@@ -37,12 +37,12 @@ def test_a_seed_is_a_surface() -> None:
 
 @pytest.mark.parametrize("name", ["rough", "gravel", "surprise"])
 def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: str) -> None:
-    """Of 64 places side by side, 64 episodes draw 41 in the mean, σ 2.6; no two grounds about a start are alike."""
+    """Of 64 cells in a grid, 64 episodes draw 41 on average, σ 2.6; no two grounds around a start are equal."""
     scenario, seeds = SCENARIOS[name], episode_seeds("evaluation", 0, 64).tolist()
     terrain = scenario.terrain
     assert isinstance(terrain, SmoothRandom)
     x, y = np.transpose([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in seeds])
-    width = terrain.spawn_radius / 4  # of a place: eight a side
+    width = terrain.spawn_radius / 4  # of a cell: eight a side
     assert width >= 6 * terrain.correlation_length
     places = {(i, j) for i, j in zip(np.floor(x / width).tolist(), np.floor(y / width).tolist(), strict=True)}
     assert 32 <= len(places) <= 50

@@ -1,4 +1,4 @@
-"""A sample is held until the next, seen as late as stated, and stamped with when it was taken; noise is white."""
+"""A sample is held until the next one, visible after the given delay, and has its sampling time; noise is white."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from quad_env.sensing.sensor_models import BLOCK, Channel, Noise, delay_to_steps
 
 
 def seen(rate: float, delay: float, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values, those before and time stamps of a sensor that reads the control step, 100 Hz, by hand (steps,)."""
+    """Return values, previous values and time stamps of a sensor of the control step, 100 Hz, by hand, (steps,)."""
     channel, rows, out = Channel(1, 1, rate, delay, 100.0), np.zeros(1, np.intp), []
     for step in range(steps):
         clock = np.array([step])

@@ -1,4 +1,4 @@
-"""Bias, noise, range, resolution, rate and delay of each sensor by hand, of some robots of a batch at a time."""
+"""Bias, noise, range, resolution, rate and delay of each sensor by hand, for some robots of a batch at a time."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ ALL = np.arange(4)
 def instruments(
     suite: SensorSuite, seeds: tuple[int, ...] = (1, 2, 3, 4), scenario: Scenario = PLAIN
 ) -> tuple[SensorModels, list[EpisodeSample]]:
-    """Make four robots at the start of the episodes of these seeds, 100 Hz."""
+    """Return the sensors of four robots at the start of the episodes of some seeds, 100 Hz."""
     found = SensorModels(SIMPLE_QUAD, suite, 4, 100.0)
     episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in seeds]
     found.reset(ALL, episodes)
@@ -28,23 +28,23 @@ def instruments(
 
 
 def measured(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Rows (k, 34) by sensor."""
+    """Split rows, (k, 34), by sensor."""
     return dict(zip(WIDTHS, np.split(values, np.cumsum([*WIDTHS.values()])[:-1], axis=1), strict=True))
 
 
 def read(of: SensorModels, step: int, rows: np.ndarray = ALL) -> np.ndarray:
-    """Return the sensor readings of those robots, (k, 34)."""
+    """Return the sensor readings of some robots, (k, 34)."""
     clock = np.full(len(rows), step)
     return np.concatenate([of.channels[name].value(clock, rows) for name in WIDTHS], axis=1)
 
 
 def numbered(step: int, rows: int = 4) -> np.ndarray:
-    """Values that tell the step and the entry, so large that every foot stands from step 11 on."""
+    """Return values that encode the step and the entry; they are so large that every foot stands from step 11 on."""
     return step + 0.01 * np.arange(SIZE) + np.zeros((rows, 1))
 
 
 def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
-    """In control steps of 10 ms: every 2nd and 2 late, every 4th and 1, each and 3, every 5th and 6 late."""
+    """Periods and delays in control steps of 10 ms: 2 and 2, 4 and 1, 1 and 3, 5 and 6."""
     suite = SensorSuite(
         replace(IDEAL.imu, rate=50.0, delay=0.02),
         replace(IDEAL.encoders, rate=25.0, delay=0.01),
@@ -54,7 +54,7 @@ def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
     timing = {"gyro": (2, 2), "accelerometer": (2, 2), "joint_position": (4, 1), "foot_contact": (1, 3)}
     timing["joint_torque"] = (5, 6)
     of, _ = instruments(suite)
-    assert of.alignment_delay == 3  # of motion and contact; a torque may be later
+    assert of.alignment_delay == 3  # delay of motion and contact; a torque may be later
     for step in range(40):
         of.read(measured(numbered(step)), np.full(4, step), ALL)
         shown = measured(read(of, step))
@@ -77,7 +77,7 @@ NOISE = np.repeat([0.2, 0.4, 0.05, 0.7, 0.9], [*WIDTHS.values()])
 
 @pytest.mark.parametrize("randomised", [False, True])
 def test_each_entry_has_its_own_bias_and_noise_of_its_robot_s_stream(randomised: bool) -> None:
-    """Of the episode's stream first a bias of every entry, then their noise step by step; two robots move on alone."""
+    """The episode's stream first gives a bias of every entry, then the noise step by step; two robots advance alone."""
     scenario = Scenario("made", randomisation=DomainRandomisation()) if randomised else PLAIN
     of, episodes = instruments(NOISY, scenario=scenario)
     moving = np.array([1, 3])
@@ -104,7 +104,7 @@ def test_accelerometers_at_rest_read_gravity_and_their_own_bias() -> None:
 
 
 def test_readings_saturate_at_each_sensor_s_range_and_angles_come_in_steps() -> None:
-    """Steps of 2π / 2⁴ = 0.3927 rad: 1.0 is nearest to three of them; a foot stands from its threshold on."""
+    """The resolution is 2π / 2⁴ = 0.3927 rad: 1.0 is nearest to three of it; a foot stands from its threshold on."""
     suite = SensorSuite(
         replace(IDEAL.imu, gyro_range=2.0, accelerometer_range=30.0),
         replace(IDEAL.encoders, bits=4),
@@ -122,11 +122,11 @@ def test_readings_saturate_at_each_sensor_s_range_and_angles_come_in_steps() -> 
     np.testing.assert_array_equal(shown[:6], [2.0, -2.0, 1.5, 30.0, -30.0, 20.0])
     np.testing.assert_allclose(shown[6:10], np.array([3.0, -3.0, 0.0, 1.0]) * np.pi / 8.0)
     np.testing.assert_array_equal(shown[18:22], [0.0, 1.0, 1.0, 0.0])
-    np.testing.assert_array_equal(shown[22:25], [100.0, -100.0, 99.0])  # the robot's rated torque
+    np.testing.assert_array_equal(shown[22:25], [100.0, -100.0, 99.0])  # the rated torque of the robot
 
 
 def test_a_sample_is_new_in_the_step_in_which_it_is_first_seen() -> None:
-    """Of every fourth control step, asked for as it was two steps ago: first at 2, then at 6 and 10."""
+    """Every fourth control step is sampled with a delay of two steps: samples are new at 2, 6 and 10."""
     channel, clock = Channel(1, 1, 25.0, 0.0, 100.0, max_delay_steps=2), np.arange(12)
     assert np.flatnonzero(channel.is_new(clock, 2)).tolist() == [2, 6, 10]
     assert np.flatnonzero(channel.is_new(clock, 0)).tolist() == [0, 4, 8]
@@ -144,7 +144,7 @@ def test_a_sample_of_longer_ago_than_the_delay_can_be_asked_for() -> None:
 
 
 def test_samples_are_taken_of_those_robots_alone_for_which_one_is_due() -> None:
-    """Every fourth control step of each robot's own clock: 3, 4 and 8."""
+    """Samples are in every fourth control step of each robot's own clock: 3, 4 and 8."""
     channel, rows = Channel(4, 1, 25.0, 0.0, 100.0), np.array([3, 0, 2])
     channel.record(np.array([[1.0], [2.0], [3.0]]), np.zeros(3, np.int64), rows)
     channel.record(np.array([[4.0], [5.0], [6.0]]), np.array([3, 4, 8]), rows)

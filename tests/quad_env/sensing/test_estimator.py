@@ -1,4 +1,4 @@
-"""The estimator against motions that can be worked out by hand."""
+"""The estimator, compared with motions computed by hand."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def estimator(at_rest=REST, gyro=STILL) -> ComplementaryFilter:
 
 
 def moving(thigh: float, calf: float) -> tuple[np.ndarray, np.ndarray]:
-    """Joints of four legs in the middle of a sample at home, and a sample before, that turn at these rates, rad/s."""
+    """Return joints of four legs in mid-sample at home, and a sample before, with given rates, rad/s."""
     change = np.tile((0.0, thigh, calf), 4) * DT / 2
     return SIMPLE_QUAD.home_pose + change, SIMPLE_QUAD.home_pose - change
 
@@ -50,7 +50,7 @@ def test_shins_that_keep_their_direction_push_the_trunk_along_the_thighs_circle(
 
 
 def test_a_shin_that_turns_rolls_on_its_foot() -> None:
-    """The shin stands at thigh + calf = -0.5 rad."""
+    """The shank is at thigh + calf = -0.5 rad."""
     expected = (
         2 * (SIMPLE_QUAD.foot_radius + SIMPLE_QUAD.calf_length * np.cos(-0.5)),
         0,
@@ -60,13 +60,15 @@ def test_a_shin_that_turns_rolls_on_its_foot() -> None:
 
 
 def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
-    one = np.array([[True, False, False, False]])  # front left, its foot 0.25 m ahead and 0.25 m to the left
+    one = np.array([[True, False, False, False]])  # front left: the foot is 0.25 m ahead and 0.25 m to the left
     velocity = by_legs(SIMPLE_QUAD.home_pose, SIMPLE_QUAD.home_pose, [[0.0, 0.0, 2.0]], one)
     np.testing.assert_allclose(velocity, (2 * 0.25, -2 * 0.25, 0), atol=1e-12)
 
 
 def test_a_leg_that_moves_under_a_turning_trunk_counts_from_the_middle_of_its_way() -> None:
-    """Its thigh's circle and the trunk's about the foot where that is halfway, 0.25 m ahead and to the left."""
+    """The velocity is that of the thigh and of the trunk about the foot at half of the motion,
+    0.25 m ahead and to the left.
+    """
     one = np.array([[True, False, False, False]])
     along = by_legs(*moving(2.0, -2.0), standing=one)
     velocity = by_legs(*moving(2.0, -2.0), [[0.0, 0.0, 2.0]], one)
@@ -104,7 +106,7 @@ def test_standing_feet_take_a_wrong_velocity_away_in_the_stated_time() -> None:
     ("axis", "expected"), [(0, (0, -np.sin(0.5), -np.cos(0.5))), (1, (np.sin(0.5), 0, -np.cos(0.5))), (2, (0, 0, -1))]
 )
 def test_the_gyroscope_turns_gravity_the_other_way(axis: int, expected: tuple[float, ...]) -> None:
-    """Half a radian in half a second; the accelerometer agrees with what is estimated and so says nothing."""
+    """The angle is half a radian in half a second; the accelerometer agrees with the estimate and has no effect."""
     turn = np.eye(3)[[axis]]
     turning = estimator(gyro=turn)
     for _ in range(50):
@@ -122,7 +124,7 @@ def test_the_accelerometer_takes_a_wrong_tilt_away_in_the_stated_time() -> None:
 
 
 def test_a_circle_walked_at_constant_speed_is_no_tilt() -> None:
-    """1 m/s forward at 1 rad/s: the specific force is 1 m/s² to the left beside the weight."""
+    """1 m/s forward at 1 rad/s: the specific force is 1 m/s² to the left in addition to gravity."""
     circling = estimator(gyro=[[0.0, 0.0, 1.0]])
     circling.velocity[:] = (1.0, 0.0, 0.0)
     for _ in range(300):
@@ -132,7 +134,7 @@ def test_a_circle_walked_at_constant_speed_is_no_tilt() -> None:
 
 
 def test_a_turn_is_the_mean_of_two_samples_of_the_gyroscope() -> None:
-    """From rest at 1 rad/s: by 5 mrad in the first 10 ms, and by 10 in each further one."""
+    """From rest to 1 rad/s: 5 mrad in the first 10 ms, and 10 mrad in each further 10 ms."""
     turning = estimator()
     for angle in (0.005, 0.015, 0.025):
         turning.update(read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * turning.gravity, standing=NONE), ROW)
@@ -141,12 +143,12 @@ def test_a_turn_is_the_mean_of_two_samples_of_the_gyroscope() -> None:
 
 
 def both(one: AlignedReadings, other: AlignedReadings) -> AlignedReadings:
-    """Readings of two robots."""
+    """Return the readings of two robots."""
     return AlignedReadings._make(np.concatenate(pair) for pair in zip(one, other, strict=True))
 
 
 def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> None:
-    """The first stands and the second flies and accelerates; then the second begins again, tilted."""
+    """The first robot stands, and the second is in flight and accelerates; then the second is reset with a tilt."""
     rows, two = np.arange(2), ComplementaryFilter(SIMPLE_QUAD, 2, DT, DT)
     flying = read(gyro=[[0.0, 0.0, 1.0]], force=[[1.0, 0.0, 9.81]], standing=NONE)
     two.reset(rows, np.concatenate((REST, REST)), both(read(), flying))
@@ -166,4 +168,6 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     turned = read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * two.gravity[1:], standing=NONE)
     before = two.gravity[1].copy()
     two.update(turned, rows[1:])
-    assert np.arccos(before @ two.gravity[1]) == pytest.approx(0.005, abs=2e-4)  # from rest: not from its turn before
+    assert np.arccos(before @ two.gravity[1]) == pytest.approx(
+        0.005, abs=2e-4
+    )  # from rest, not from its rotation before the reset

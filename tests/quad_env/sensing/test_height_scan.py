@@ -1,4 +1,4 @@
-"""The height scan: what MuJoCo's rays hit, each robot's own, in its heading frame, late and noisy as it says."""
+"""Height scan: hits of MuJoCo's rays, for each robot, in its heading frame, with the given delay and noise."""
 
 from dataclasses import replace
 from typing import Any
@@ -22,7 +22,7 @@ ROUGH = SCENARIOS["rough"]
 
 
 def waved(robots: int, steps: int) -> np.ndarray:
-    """Actions of each robot's own, (steps, robots, 12), that turn and tilt it."""
+    """Return actions that turn and tilt each robot differently, (steps, robots, 12)."""
     each = [HOME + 0.3 * np.random.default_rng(i).normal(0, 1, (steps, 12)) for i in range(robots)]
     return np.stack(each, axis=1).astype(np.float32)
 
@@ -30,7 +30,7 @@ def waved(robots: int, steps: int) -> np.ndarray:
 def scans(
     scan: HeightScan | None, robots: int = 4, steps: int = 20, scenario: str | Scenario = "rough", **options: Any
 ) -> np.ndarray:
-    """Observations of the scan, (steps + 1, robots, p); whole observations where there is none."""
+    """Return the scans, (steps + 1, robots, p), or the whole observations without a scan."""
     options = {"terminate_on_fall": False} | options
     env = SimpleQuadVectorEnv(robots, scenario, height_scan=scan, **options)
     rows = [env.reset(seed=3)[0], *(env.step(action)[0] for action in waved(robots, steps))]
@@ -39,7 +39,7 @@ def scans(
 
 @pytest.mark.parametrize("name", ["rough=0.24", "stairs", "slope=15"])
 def test_it_is_what_rays_hit_in_the_heading_frame(name: str) -> None:
-    """To 1 µm but for the risers of stairs, beside which a ray may hit another tread: none of these points is there."""
+    """The tolerance is 1 µm; near the risers of stairs a ray may hit another tread, and no point is there."""
     scenario = quad_env.scenario(name)
     ground = compile_model(SIMPLE_QUAD, scenario)
     data = mujoco.MjData(ground)
@@ -80,7 +80,7 @@ def test_it_is_the_last_term_of_the_table_and_within_the_space() -> None:
 
 
 def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
-    """Noise is drawn from a stream of its own, for each robot, point and sample."""
+    """Noise has its own stream, for each robot, point and sample."""
     noisy = replace(ROUGH, noise=SensorNoise(0.08), commands=CommandRanges(interval=0.1))
     options = {"scenario": noisy, "max_episode_steps": 30, "robots": 6, "steps": 60}
     env = SimpleQuadVectorEnv(6, noisy, height_scan=replace(SMALL, noise=0.03), max_episode_steps=30)
@@ -100,7 +100,7 @@ def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
 def test_it_is_as_late_as_the_scan_and_the_scenario_s_readings_together(
     delay: float, latency: float, late: int
 ) -> None:
-    """In control steps of 10 ms; what arrives between two is seen at the next. Until then it shows the first."""
+    """The delay is in control steps of 10 ms, rounded up; before, the scan shows the first sample."""
     behind = replace(ROUGH, latency=Latency(action=0.0, observation=latency))
     found, exact = scans(replace(SMALL, delay=delay), scenario=behind), scans(SMALL)
     np.testing.assert_array_equal(found[late:], exact[: len(exact) - late])

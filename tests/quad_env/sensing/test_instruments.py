@@ -1,4 +1,4 @@
-"""What sensors read, against physics that can be settled without them and against MuJoCo's own present state."""
+"""Sensor readings, compared with physics computed by hand and with MuJoCo's present state."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +19,7 @@ HOME = np.tile(SIMPLE_QUAD.home_pose, (ROBOTS, 1))
 
 
 def ideal(**changes: Any) -> SensorSuite:
-    """The ideal suite with other values of its IMU, encoders, feet or torque sensors."""
+    """Return the ideal suite with other settings of IMU, encoders, feet or torque sensors."""
     return replace(IDEAL, **{name: replace(getattr(IDEAL, name), **values) for name, values in changes.items()})
 
 
@@ -28,7 +28,9 @@ def env_of(suite: SensorSuite, robots: int = ROBOTS, scenario: Scenario | str = 
 
 
 def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.0) -> Iterator[tuple[dict, Any]]:
-    """Readings and MuJoCo's own state of a robot that spins in the air, `spin` in its own axes, rad/s, step by step."""
+    """Yield readings and MuJoCo's state of a robot that spins in the air, `spin` in its own
+    axes, rad/s, step by step.
+    """
     env = env_of(suite, 1)
     env.reset(seed=0)
     batch = env.simulation.batch
@@ -41,7 +43,7 @@ def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.
 
 
 def test_beside_the_centre_the_lever_arm_is_felt_too() -> None:
-    """α × r + ω × (ω × r), α and ω from the gyroscope's readings at both ends of a step."""
+    """The accelerometer adds α × r + ω × (ω × r), with α and ω from the gyroscope's readings at both ends of a step."""
     arm, spin = np.array((0.2, -0.1, 0.05)), (3.0, -2.0, 4.0)
     centre = [reading for reading, _ in flying(IDEAL, spin)]
     beside = [reading for reading, _ in flying(ideal(imu={"position": tuple(arm)}), spin)]
@@ -73,7 +75,7 @@ def test_a_tilted_imu_feels_the_weight_aslant(rotation: tuple[float, ...], expec
 
 
 def test_the_gyroscope_reads_in_the_trunks_axes() -> None:
-    """A robot that looks along the world's y axis and rolls to its right about it tips towards the world's x."""
+    """A robot that faces along the world's y axis and rolls to its right about it tips towards the world's x axis."""
     steps = list(flying(IDEAL, (1.0, 0.0, 0.0), yaw=np.pi / 2))
     for reading, _ in steps:
         np.testing.assert_allclose(reading["gyro"], (1, 0, 0), atol=0.1)
@@ -81,7 +83,7 @@ def test_the_gyroscope_reads_in_the_trunks_axes() -> None:
 
 
 def test_readings_are_of_the_present_and_of_no_substep_earlier() -> None:
-    """MuJoCo's snapshot computes every field anew from the state after the step."""
+    """MuJoCo's snapshot computes every field from the state after the step."""
     env, rng, stood = env_of(ideal(feet={"threshold": 60.0}), 2, "flat"), np.random.default_rng(0), set()
     env.reset(seed=0)
     for _ in range(40):

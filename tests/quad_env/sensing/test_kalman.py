@@ -1,4 +1,4 @@
-"""The error-state filter: its derivatives, its frames, its covariance, and many robots at once."""
+"""The error-state filter: its derivatives, frames and covariance, and batches of robots."""
 
 from functools import cache
 
@@ -36,7 +36,7 @@ def samples(random: np.random.Generator) -> StepMeasurements:
 
 
 def error_between(truth: NominalState, estimate: NominalState) -> np.ndarray:
-    """The small error for which `corrected` leads from the estimate to the truth."""
+    """Return the small error with which `corrected` maps the estimate to the truth."""
     tilt = np.cross(estimate.gravity, truth.gravity)
     feet = (truth.feet - estimate.feet).reshape(1, -1)
     return np.concatenate((tilt, *(t - e for t, e in list(zip(truth, estimate, strict=True))[1:4]), feet), axis=1)[0]
@@ -51,7 +51,7 @@ def test_the_transition_is_the_derivative_of_the_prediction() -> None:
     for entry in range(kalman_models.error_dim(ROBOT)):
         error = np.zeros((1, kalman_models.error_dim(ROBOT)))
         error[0, entry] = SMALL
-        if entry < 3:  # a turn about gravity itself is no error of it
+        if entry < 3:  # a rotation about gravity is no error of gravity
             error[0, :3] -= start.gravity[0] * (start.gravity[0] @ error[0, :3])
         off = kalman_models.inject_error(start, error)
         moved = kalman_models.predict(ROBOT, off, kalman_models.rotate_state(off, seen, DT), DT)
@@ -70,7 +70,7 @@ def test_the_jacobians_of_the_feet_are_derivatives() -> None:
 
 
 def test_a_turn_takes_the_world_the_other_way() -> None:
-    """A trunk that has rolled to its right by Exp(-ω dt) sees gravity on its right, where y is left."""
+    """After a roll to the right by Exp(-ω dt), gravity is on the right of the trunk, where y is left."""
     roll = np.array([[0.5, 0.0, 0.0]])
     gravity = kalman_models.matvec(exp_so3(-roll), np.array([[0.0, 0.0, -1.0]]))
     np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
@@ -78,7 +78,7 @@ def test_a_turn_takes_the_world_the_other_way() -> None:
 
 @cache
 def walked(seeds: tuple[int, ...], steps: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Actions of robots that walk ahead by the truth, and the truth after each."""
+    """Return the actions of robots that walk ahead by the true state, and the true state after each action."""
     env, policy = SimpleQuadVectorEnv(len(seeds)), policies.make("trot")
     true, _ = env.reset(seed=list(seeds), options=AHEAD)
     policy.reset(num_envs=len(seeds))
@@ -92,7 +92,7 @@ def walked(seeds: tuple[int, ...], steps: int) -> tuple[list[np.ndarray], list[n
 
 
 def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: str = KALMAN):
-    """Errors of gravity and velocity as shown, (steps, n, 3) each, and the filter; robots walk ahead by the truth."""
+    """Return the errors of gravity and velocity, (steps, n, 3) each, and the filter; robots walk by the true state."""
     env = SimpleQuadVectorEnv(num_envs, sensors=sensors, estimator=estimator)
     env.reset(seed=seeds, options=AHEAD)
     actions, truth = walked(tuple(seeds), steps)
@@ -150,14 +150,14 @@ def test_a_reset_forgets_one_robot_alone() -> None:
 
 
 def read(gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> AlignedReadings:
-    """Of one robot in the home pose, level, on all feet, whose gyroscope shows that, rad/s."""
+    """Return the readings of one robot in the home pose, level, on all feet, with a given gyroscope reading, rad/s."""
     feet, joints = np.ones((1, 4), np.bool_), ROBOT.home_pose[None]
     force = np.array([[0.0, 0.0, GRAVITY]])
     return AlignedReadings(np.array([gyro]), force, joints, joints, feet, feet, np.ones(1, np.bool_))
 
 
 def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)):
-    """A filter that has begun with a robot that stands and has seen one sample."""
+    """Return a filter of a standing robot after one sample."""
     filter_, robot = KalmanFilter(ROBOT, suite, 1, DT, late), np.arange(1)
     filter_.reset(robot, read().accelerometer, read(gyro))
     filter_.update(read(gyro), robot)
@@ -166,13 +166,13 @@ def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float
 
 @pytest.mark.parametrize(("axis", "late"), [(0, 0), (0, 4), (1, 1)])
 def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int, late: int) -> None:
-    """Gravity, which a trunk that turns by ω sees turn by -ω, goes on by ω · delay from the moment of the readings."""
+    """Gravity rotates by -ω in the frame of the trunk, and the prediction continues for ω · delay from the readings."""
     gyro = tuple(0.8 * np.eye(3)[axis])
     filter_ = after_one_sample(SensorSuite(imu=Imu(gyro_bias=0.5)), late, gyro)
-    assert np.abs(filter_.gyro_bias).max() > 0.1  # the feet, which do not move, say that the trunk turns less
+    assert np.abs(filter_.gyro_bias).max() > 0.1  # the feet, which rest, show a slower rotation of the trunk
     speed = np.array(gyro) - filter_.gyro_bias[0]
     expected = filter_.nominal.gravity[0]
-    for _ in range(1000):  # in small steps of dg/dt = -ω × g
+    for _ in range(1000):  # small steps of dg/dt = -ω × g
         expected = expected - 1e-3 * late * DT * np.cross(speed, expected)
     np.testing.assert_allclose(filter_.gravity[0], expected, atol=1e-5)
     change = np.linalg.norm(filter_.gravity - filter_.nominal.gravity)
@@ -180,7 +180,10 @@ def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int,
 
 
 def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
-    """Two legs swing back at 4 m/s for 0.1 s in free fall, as after a push; along the ground the trunk has no speed."""
+    """Two legs swing back at 4 m/s for 0.1 s in free fall, as after a push.
+
+    The horizontal velocity of the trunk is zero.
+    """
     filter_, robot = KalmanFilter(ROBOT, SensorSuite(), 1, DT, 0), np.arange(1)
     filter_.reset(robot, read().accelerometer, read())
     lifted = read()._replace(accelerometer=np.zeros((1, 3)), contact=np.zeros((1, 4), np.bool_))
@@ -191,7 +194,9 @@ def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
 
 
 def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> None:
-    """1 m/s, believed within 3 mm/s, of a robot that stands: the feet's sensors raise the doubt in 0.4 s."""
+    """The estimate of a standing robot is 1 m/s with a std of 3 mm/s: the contact sensors
+    raise the variance in 0.4 s.
+    """
     filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
     for _ in range(20):
         filter_.update(read(), robot)
@@ -205,7 +210,7 @@ def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> 
 
 
 def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
-    """J Jᵀ σ²: what was known of their places before, to 1 cm, hardly counts."""
+    """The covariance is J Jᵀ σ²: the previous uncertainty of 1 cm has little effect."""
     suite = SensorSuite(encoders=Encoders(noise=0.001, bits=None))
     found = after_one_sample(suite).covariance[0]
     for leg, jacobian in enumerate(foot_jacobians(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))[0]):
@@ -223,7 +228,7 @@ def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:
 
 
 def moved_on(filter_: KalmanFilter, times: int = 1, *, fresh: bool = True, **fields: np.ndarray) -> None:
-    """So many control steps with these readings, the others as of a robot at rest."""
+    """Step the filter `times` control steps with given readings; the other readings are those at rest."""
     now = read()._replace(has_new_angles=np.array([fresh]), **fields)
     for _ in range(times):
         filter_.update(now, np.arange(1))
@@ -239,7 +244,7 @@ def begun(late: int = 0) -> KalmanFilter:
 
 
 def test_a_velocity_goes_on_over_the_delay_with_its_acceleration_and_0_8_of_the_change_of_that() -> None:
-    """1 m/s² from one sample on, 30 ms late: 0.03 · (1 + 0.8 · 1) m/s at first, then 0.03."""
+    """With 1 m/s² from one sample on and 30 ms of delay: 0.03 · (1 + 0.8 · 1) m/s at first, then 0.03 m/s."""
     filter_ = begun(late=3)
     for gained in (0.054, 0.03, 0.03):
         moved_on(filter_, accelerometer=np.array([[1.0, 0.0, 9.81]]), **IN_THE_AIR)
@@ -248,7 +253,7 @@ def test_a_velocity_goes_on_over_the_delay_with_its_acceleration_and_0_8_of_the_
 
 
 def test_encoders_without_a_new_sample_correct_nothing() -> None:
-    """Joints that are shown 0.1 rad off: with a new sample the feet are taken to be there."""
+    """Joint readings have an offset of 0.1 rad: only a new sample moves the feet there."""
     joints = read().joints + 0.1
     there = ROBOT.hip_positions + foot_positions(ROBOT, joints.reshape(1, 4, 3))
     for fresh in (False, True):
@@ -271,8 +276,10 @@ def test_a_foot_s_reading_is_long_only_where_it_is_not_interrupted() -> None:
 
 
 def test_the_ground_gives_where_the_force_on_the_trunk_changes_and_not_while_it_stays() -> None:
-    """After a step of 20 m/s² the feet's heights are doubted more than of a robot at rest; the next change counts from
-    the force by then."""
+    """After a step of 20 m/s², the variance of foot heights exceeds that of a robot at rest.
+
+    The next change is relative to the force at that time.
+    """
     heights = []
     for force in (9.81, 29.81):
         filter_ = begun()

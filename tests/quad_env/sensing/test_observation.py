@@ -1,4 +1,4 @@
-"""The observation that is built from sensors: from what it says it is, the same bits anywhere, close to the truth."""
+"""The observation from sensors: its documented content, equal bits in any batch, and small errors."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,13 +20,13 @@ Run = tuple[np.ndarray, list[dict[str, Any]], np.ndarray]
 
 
 def actions(robots: int, size: float = 0.15) -> np.ndarray:
-    """Of each robot its own, whatever the number of robots."""
+    """Return actions of each robot, independent of the number of robots."""
     each = [SIMPLE_QUAD.home_pose + size * np.random.default_rng(i).normal(0, 1, (STEPS, 12)) for i in range(robots)]
     return np.stack(each, axis=1).astype(np.float32)
 
 
 def run(sensors: str | SensorSuite | None, robots: int = 4, scenario: Any = "flat", **options: Any) -> Run:
-    """Observations, (steps + 1, robots, 63), infos and rewards of robots that wave their legs."""
+    """Return observations, (steps + 1, robots, 63), infos and rewards of robots that move their legs."""
     options = {"terminate_on_fall": False} | options
     env = SimpleQuadVectorEnv(robots, scenario, sensors=sensors, **options)
     observation, info = env.reset(seed=7)
@@ -51,7 +51,7 @@ def test_what_the_sensors_read_is_what_the_observation_shows() -> None:
 
 @pytest.mark.parametrize("name", ["push", "rough"])
 def test_sensors_change_nothing_that_happens(name: str) -> None:
-    """Rewards and readings rest on torques and contacts of the last substep; the sensors' draws shift no others."""
+    """Rewards and readings use torques and contacts of the last substep; draws of sensors shift no other draws."""
     scenario = replace(SCENARIOS[name], commands=CommandRanges(interval=0.2))
     seen, plain, rewards = run(None, scenario=scenario, readings=True)
     shown, sensed, paid = run("typical", scenario=scenario, readings=True)
@@ -80,7 +80,7 @@ def test_a_robot_that_has_ended_keeps_its_observation() -> None:
 
 
 def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
-    """Encoders and feet 20 and 30 ms late: the ideal suite's estimates of 30 ms ago."""
+    """Encoders and feet are 20 and 30 ms late: estimates equal those of the ideal suite 30 ms before."""
     late = replace(IDEAL, encoders=replace(IDEAL.encoders, delay=0.02), feet=replace(IDEAL.feet, delay=0.03))
     now, then = run(IDEAL)[0], run(late)[0]
     for name in ("projected_gravity", "linear_velocity"):

@@ -1,4 +1,4 @@
-"""What sensors can be asked for, and what is refused."""
+"""Valid and invalid arguments for sensors."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Observation by hand: every term in its place, for a state with all numbers different."""
+"""Observation by hand: every term at its index, for a state in which all numbers differ."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ HOME = SIMPLE_QUAD.home_pose
 
 
 def state_of(**fields: Any) -> QuadState[float]:
-    """Of one robot; its trunk is turned so that gravity is (0.48, -0.6, -0.64) in it."""
+    """Return the state of one robot; the orientation of its trunk gives a projected gravity of (0.48, -0.6, -0.64)."""
     given: dict[str, Any] = {
         "position": (1.0, 2.0, 3.0),
         "height": 4.0,
@@ -46,7 +46,7 @@ def test_every_term_is_in_its_place_and_the_command_is_the_next_one() -> None:
         "linear_velocity": (0.1, 0.2, 0.3),
         "joint_position": 0.01 * np.arange(12),
         "joint_velocity": 20.0 + np.arange(12),
-        "previous_action": 0.1 + 0.01 * np.arange(12),  # the targets of the step that was just made
+        "previous_action": 0.1 + 0.01 * np.arange(12),  # the targets of the last step
         "command": (0.7, 0.8, 0.9),
     }
     assert found.shape == (OBSERVATION_SIZE,)
@@ -67,7 +67,7 @@ def test_readings_beyond_a_bound_are_that_bound(sign: float) -> None:
 
 @pytest.mark.parametrize("make", [SimpleQuadEnv, lambda: SimpleQuadVectorEnv(2)], ids=["one", "batch"])
 def test_an_environment_shows_the_targets_of_the_step_that_it_has_made(make: Any) -> None:
-    """As clipped, from the first step on; the home pose at the start."""
+    """The targets are clipped, from the first step on; at the start they are the home pose."""
     env = make()
     observation, _ = env.reset(seed=0)
     assert not observation[..., OBSERVATION["previous_action"]].any()

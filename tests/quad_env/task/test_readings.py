@@ -1,4 +1,4 @@
-"""Readings for measurement: what MuJoCo itself says of the same step, and no bit of anything else changes with them."""
+"""Readings for measurement equal MuJoCo's values of the same step, and change no other bit."""
 
 import gymnasium as gym
 import numpy as np
@@ -34,7 +34,7 @@ WIDTHS = {
 
 
 def trot(num_envs: int, steps: int, *, scenario: str = "push", readings: bool = True, **options):
-    """Each step's result, of robots that go on after a fall; the env is the last entry."""
+    """Return the result of each step of robots that continue after a fall; the last entry is the env."""
     env = SimpleQuadVectorEnv(num_envs, scenario, readings=readings, terminate_on_fall=False, **options)
     policy = policies.make("trot")
     policy.reset(num_envs)
@@ -95,7 +95,9 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
 
 
 def test_contacts_are_those_of_the_last_substep() -> None:
-    """Single substeps make the state before the last one visible: MuJoCo's own contacts there are what is read."""
+    """With one substep a step, the state before the last substep is visible: MuJoCo's contacts
+    there equal the readings.
+    """
     simulation = Simulation(SIMPLE_QUAD, Scenario("made"), SimulationConfig(control_rate=500.0, has_meter=True))
     model = simulation.model
     rng = np.random.default_rng(0)

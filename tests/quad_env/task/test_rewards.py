@@ -1,4 +1,4 @@
-"""Reward terms: values and signs worked out by hand."""
+"""Reward terms: values and signs computed by hand."""
 
 import math
 
@@ -14,7 +14,7 @@ STATE = QuadState(
     height=0.5,
     standing_height=0.8,
     rotation=((1.0, 0.0, 0.0), (0.0, math.cos(ROLL), -math.sin(ROLL)), (0.0, math.sin(ROLL), math.cos(ROLL))),
-    linear_velocity=(9.0, 9.0, 9.0),  # no term reads the base frame's
+    linear_velocity=(9.0, 9.0, 9.0),  # no term uses the base frame
     angular_velocity=(0.4, -0.3, 9.0),
     heading_velocity=(0.6, -0.1, 0.2),
     vertical_velocity=-0.3,
@@ -32,7 +32,7 @@ WEIGHTS = RewardWeights(crouch=-2.0, mechanical_power=-0.01, foot_air_time=2.0, 
 BY_HAND = {
     "linear_velocity_tracking": 1.2 * math.exp(-2.0),  # an error of (0.4, 0.3): 0.5 m/s, two widths
     "yaw_rate_tracking": 0.8 * math.exp(-1.0),  # 0.25 rad/s, one width
-    "linear_velocity_error": 0.0,  # of no weight by default
+    "linear_velocity_error": 0.0,  # weight 0 by default
     "yaw_rate_error": 0.0,
     "vertical_velocity": -0.5 * 0.09,
     "roll_pitch_rate": -0.02 * 0.25,
@@ -41,10 +41,10 @@ BY_HAND = {
     "action_rate": -0.02 * (3 * 0.01 + 0.04),
     "torque": -2e-5 * 25.0,
     "mechanical_power": -0.01 * (3.0 * 2.0 + 4.0 * 0.5),
-    "foot_air_time": 2.0 * (0.10 - 0.05),  # beside 0.15 s
+    "foot_air_time": 2.0 * (0.10 - 0.05),  # relative to 0.15 s
     "touchdown_speed": -3.0 * (0.09 + 0.01),
 }
-"""Weighted rates, 1/s."""
+"""1/s. Weighted rates."""
 
 
 @pytest.mark.parametrize("term", BY_HAND)

@@ -1,4 +1,4 @@
-"""The fall rule simple-quad/1, at its limits."""
+"""The fall rule simple-quad/1 at its limits."""
 
 import math
 
@@ -31,7 +31,7 @@ def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[floa
 
 def test_a_standing_robot_has_not_fallen(standing: QuadState) -> None:
     assert fall_reason_code(standing, FallRule(), 0.12) == 0
-    assert fall_reason_code(tilted(standing, 179.0, 2), FallRule(), 0.12) == 0  # yaw is no tilt
+    assert fall_reason_code(tilted(standing, 179.0, 2), FallRule(), 0.12) == 0  # yaw does not count as tilt
 
 
 @pytest.mark.parametrize("axis", [0, 1])
