@@ -1,4 +1,4 @@
-"""Recordings read back by a decoder that is not the library which wrote them."""
+"""Recordings, decoded by a library independent of the writer."""
 
 from pathlib import Path
 from typing import Any
@@ -7,11 +7,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 Decoded = dict[str, list[tuple[int, Any]]]
-"""Times, ns, and messages by topic."""
+"""Topic -> messages with their times, ns."""
 
 
 def read_mcap(path: Path) -> Decoded:
-    """Every message of a file."""
+    """Return every message of a file."""
     decoded: Decoded = {}
     with path.open("rb") as file:
         messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()

@@ -1,4 +1,4 @@
-"""`python -m quad_env doctor` of a policy by its description: what was understood, and the mistake in it."""
+"""`python -m quad_env doctor` for a policy with a specification: the recognised content and the errors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicySpec:
 
 
 def found(policy: PolicySpec) -> dict[str, Finding]:
-    """Of the checks of a description."""
+    """Return the findings of the checks of a specification."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
     return dict(run_checks(DESCRIPTION_CHECKS, DoctorSubject(policy=str(file))))
@@ -45,7 +45,7 @@ def test_what_was_understood_is_shown(policy: PolicySpec) -> None:
 
 
 def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicySpec) -> None:
-    """SimpleQuad's joints have 0.2 N·m·s/rad of their own, next to nothing beside the described 10."""
+    """SimpleQuad's joints have a damping of 0.2 N·m·s/rad, much less than the 10 of the specification."""
     soft = replace(policy, damping=tuple(0.5 for _ in policy.joints))
     lines = [line for each in (policy, soft) for line in describe_spec(each, SIMPLE_QUAD) if line.startswith("servos")]
     assert ["the joints' own damping of 0.2 N·m·s/rad" in line for line in lines] == [False, True]

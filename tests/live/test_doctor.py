@@ -1,4 +1,4 @@
-"""`python -m quad_env doctor` finds planted problems, each planted where a user would make it, and names the remedy."""
+"""`python -m quad_env doctor` finds planted problems of users' files, and names the remedy."""
 
 import json
 import os
@@ -27,19 +27,19 @@ XML = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8")
 
 
 def complaints(subject: DoctorSubject, checks: tuple[DoctorCheck, ...] = OF_THE_ROBOT) -> dict[str, Finding]:
-    """Warnings and problems, by check; those of walking and of the policy too."""
+    """Return warnings and problems by check, including those of walking and of the policy."""
     more = OF_POLICIES if subject.policy is not None else OF_POLICIES[:1]
     entries = run_checks((*checks, *more) if checks == OF_THE_ROBOT else checks, subject)
     return {name: finding for name, finding in entries if finding.result in ("problem", "warning")}
 
 
 def of_policy(path: Path | str) -> dict[str, Finding]:
-    """Warnings and problems of a policy for SimpleQuad."""
+    """Return warnings and problems of a policy for SimpleQuad."""
     return complaints(DoctorSubject(policy=str(path)), OF_POLICIES[1:])
 
 
 def edited(folder: Path, *changes: tuple[str, str]) -> Path:
-    """SimpleQuad's MJCF with each of these replaced once."""
+    """Return the path of SimpleQuad's MJCF with text replacements."""
     text = XML
     for old, new in changes:
         assert old in text
@@ -71,7 +71,7 @@ MODELS: dict[str, tuple[str, str, str]] = {
     "no torques": (XML.replace(' forcerange="-100 100"', ""), "model", "mine.toml"),
     "heavy trunk": (Made(mass=60.0).xml(), "walks", "masses and inertias"),
 }
-"""A user's MJCF with a problem, the check that finds it, and words of the remedy."""
+"""Name -> a user's MJCF with a problem, the check that finds it, and words of the remedy."""
 FIGURES = {
     "gains too low": ("servo_stiffness = 3.0\nservo_damping = 0.1", "stands", "servo_stiffness = 300"),
     "gains too high": ("servo_stiffness = 9000.0\nservo_damping = 0.1", "stands", "servo_damping = 10.0"),
@@ -79,16 +79,16 @@ FIGURES = {
     "feet far ahead": ("home_pose = [0.0, -0.6, -0.7]", "stands", "home_pose"),
     "hind legs bent": (f"home_pose = {HIND_BENT}", "stands", "home_pose"),
 }
-"""Lines of a TOML with a problem."""
+"""Name -> lines of a TOML with a problem, the check, and words of the remedy."""
 SHIPPED = {
     "radians read as degrees": ('<compiler angle="radian"', '<compiler angle="degree"', "limits", 'angle="radian"'),
     "NaN that MuJoCo takes": ('armature="0.02"', 'armature="nan"', "model", "correct these numbers"),
 }
-"""A change of SimpleQuad's own model."""
+"""Name -> a text replacement in SimpleQuad's own model, the check, and words of the remedy."""
 
 
 def with_problem(name: str, folder: Path) -> tuple[DoctorSubject, list[str]]:
-    """What has that problem, and what is expected."""
+    """Return the subject with a problem, and the expected check and remedy."""
     if name in SHIPPED:
         old, new, *expected = SHIPPED[name]
         return DoctorSubject(replace(SIMPLE_QUAD, mjcf=edited(folder, (old, new)))), expected
@@ -112,9 +112,9 @@ def test_a_problem_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Pat
 
 
 def bundle(folder: Path, **changes: object) -> Path:
-    """A copy of the shipped residual, whose description may differ."""
+    """Return a copy of the residual bundle with changes in its description."""
     path = Path(shutil.copytree(shipped.MODELS / "residual", folder / "residual")) / "policy.json"
-    found = json.loads(path.read_text(encoding="utf-8")) | {"description_sha256": None}  # as of older versions
+    found = json.loads(path.read_text(encoding="utf-8")) | {"description_sha256": None}  # format of older versions
     path.write_text(json.dumps(found | changes), encoding="utf-8")
     return path.parent
 
@@ -169,7 +169,7 @@ def test_a_sound_robot_raises_no_complaint(made: Made | None, tmp_path: Path) ->
 
 
 def examined(cwd: Path, **environment: str) -> tuple[int, str]:
-    """Exit code and text of the command, run from that folder in a changed environment."""
+    """Return exit code and output of the command, run in a folder with changed environment variables."""
     command = [sys.executable, "-m", "quad_env", "doctor"]
     run = subprocess.run(command, cwd=cwd, env=os.environ | environment, capture_output=True, text=True, check=False)
     assert "Traceback" not in run.stderr

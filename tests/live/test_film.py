@@ -1,4 +1,4 @@
-"""`python -m quad_env film`: mistakes are a line, and what is not finished is not there."""
+"""`python -m quad_env film`: user errors are one line, and incomplete files do not exist."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ def test_policies_are_filmed_side_by_side_on_the_scenario_and_command_that_are_n
     assert capsys.readouterr().out == f"{film}\n"
     with Image.open(film) as image:
         assert image.size == (320, 120 + 36)
-        assert image.n_frames == 21  # slow motion at 25 frames a second: every second control step
+        assert image.n_frames == 21  # slow motion at 25 frames/s: every second control step
         pictures = []
         for number in (0, 20):
             image.seek(number)
@@ -35,7 +35,7 @@ def test_policies_are_filmed_side_by_side_on_the_scenario_and_command_that_are_n
 
 
 def test_where_nothing_can_be_drawn_a_line_says_so(tmp_path: Path) -> None:
-    """Asked for windows where there is no display."""
+    """The environment requests windows, without a display."""
     bare = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-m", "quad_env", "film", str(tmp_path / "film.gif"), "--policies", "stand"]
     run = subprocess.run(command, env=bare | {"MUJOCO_GL": "glfw"}, capture_output=True, text=True, check=False)

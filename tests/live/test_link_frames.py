@@ -1,4 +1,4 @@
-"""Frames of links against MuJoCo's own kinematics."""
+"""Link frames, compared with MuJoCo's own kinematics."""
 
 import gymnasium as gym
 import mujoco
@@ -12,7 +12,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @pytest.mark.parametrize("distorted", [False, True])
 def test_links_are_where_mujoco_has_their_joints_and_sites(distorted: bool) -> None:
-    """Distorted: bodies turned at will, joints beside their bodies' origins, and angles that do not count from zero."""
+    """The distorted model has rotated bodies, joints away from the origins of their bodies, and angles with offsets."""
     env = gym.make("SimpleQuad-v0")
     model, rng = env.unwrapped.model, np.random.default_rng(0)
     if distorted:

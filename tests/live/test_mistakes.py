@@ -1,4 +1,4 @@
-"""What commands of the live package cannot do is one line, and nothing is written."""
+"""Impossible requests to the commands of the live package give one line, and nothing is written."""
 
 from pathlib import Path
 

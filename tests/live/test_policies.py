@@ -1,4 +1,4 @@
-"""`python -m quad_env policies` lists every policy that there is, and tells how the trained ones were trained."""
+"""`python -m quad_env policies` lists every policy, and the training of the trained ones."""
 
 import json
 import shutil

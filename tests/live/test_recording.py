@@ -1,4 +1,4 @@
-"""Recordings, read back by a decoder that is not the library which wrote them, are what the simulation did."""
+"""Recordings equal the simulation, decoded by a library independent of the writer."""
 
 import signal
 import subprocess
@@ -30,7 +30,7 @@ STEPS = 130
 
 
 class Recording(NamedTuple):
-    """The same episode as it was, and what a file has of it."""
+    """An episode and its decoded recording."""
 
     steps: list[Step]
     decoded: Decoded
@@ -83,13 +83,15 @@ def test_the_imu_measures_its_own_weight_and_every_change_of_its_velocity(record
     felt = np.array([[getattr(imu.linear_acceleration, axis) for axis in "xyz"] for _, imu in decoded["/imu"]])
     turns = np.array([[getattr(imu.angular_velocity, axis) for axis in "xyz"] for _, imu in decoded["/imu"]])
     assert turns.tolist() == [step.infos["angular_velocity"][0].tolist() for step in steps]
-    # Positions come from the simulation, not by what the IMU was made of.
+    # Positions come from the simulation, independent of the IMU.
     places = np.array([step.infos["position"][0] for step in steps])
-    means = (places[1:] - places[:-1]) / 0.01  # velocities over the steps
+    means = (places[1:] - places[:-1]) / 0.01  # mean velocities over the steps
     turned = [np.array(rotation_matrix(step.infos["quaternion"][0])) for step in steps]
     forces = np.array([rotation @ force for rotation, force in zip(turned, felt, strict=True)])
-    gained = 0.01 * np.cumsum(forces - np.array([0.0, 0.0, 9.81]), axis=0)  # of the velocities at the steps' ends
-    differing = 0.5 * (gained[1:-1] + gained[2:])  # of means over steps
+    gained = 0.01 * np.cumsum(
+        forces - np.array([0.0, 0.0, 9.81]), axis=0
+    )  # change of the velocities at the ends of the steps
+    differing = 0.5 * (gained[1:-1] + gained[2:])  # change of the mean velocities over steps
     differing -= differing[0]
     assert np.sqrt(np.mean((differing - (means[1:] - means[1])) ** 2)) < 0.05
     assert np.sqrt(np.mean((means[1:] - means[1]) ** 2)) > 0.3
@@ -148,7 +150,7 @@ def test_the_log_has_pushes_falls_and_commands_when_they_were(tmp_path: Path) ->
 def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fewer rows fit into the pipe than are sent before the writer has started."""
+    """The pipe holds fewer rows than are sent before the writer has started."""
     monkeypatch.setattr(recorder, "PIPE_SIZE", 4096)
     path, steps = tmp_path / "walk.mcap", []
     residual = policies.resolve("residual")
@@ -162,11 +164,13 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     assert [stamp // 10_000_000 for stamp, _ in decoded["/cmd_vel"]] == [*range(30), *range(31, 51)]
     lines = [(at, line) for at, line in events_of(decoded) if not line.startswith("command")]
     assert lines == [(31, "reset")]
-    assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
+    assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(
+        9.81, abs=0.5
+    )  # continuous from one episode to the next
 
 
 def finished(path: Path) -> Decoded:
-    """What a recording has once the process that writes it is through, which may outlive all others."""
+    """Return the content of a recording after the end of its writer, which may be the last process."""
 
     def whole() -> bool:
         return path.is_file() and path.stat().st_size > 8 and path.read_bytes().endswith(b"\x89MCAP0\r\n")
@@ -214,7 +218,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize(("step", "ending"), [(0, "Ctrl-C"), (250, "kill")])
 def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path: Path) -> None:
-    """Whether or not the writer had been notified of them, and had started."""
+    """The steps are recorded if the writer has not yet started or got no notification."""
     script, path = tmp_path / "ended.py", tmp_path / "walk.mcap"
     script.write_text(ENDED, encoding="utf-8")
     command = [sys.executable, str(script), str(path), str(step), ending]

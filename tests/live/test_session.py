@@ -1,4 +1,4 @@
-"""A session's robot is that of an episode, until it is steered or pushed or its policy changes."""
+"""A session's robot equals that of an episode until a user steers it, pushes it or changes its policy."""
 
 import numpy as np
 import pytest
@@ -63,22 +63,22 @@ def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
         live.step()
     live.set_policy(policies.make("residual"))
     actions = [live.latest.action, *(live.step().action for _ in range(12))]
-    live.set_policy(policies.make("trot_integral"))  # before the first has taken over
+    live.set_policy(policies.make("trot_integral"))  # before the end of the first blend
     actions += [live.step().action for _ in range(round(POLICY_BLEND_TIME / live.env.dt) + 5)]
     change = np.abs(np.diff(actions, axis=0))[:, 0].max(axis=1)
-    assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, of the first targets of each
+    assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, the first targets of each blend
     assert change.max() < 0.25  # walking changes targets by up to 0.18 rad a step
     assert live.policy.name == "trot_integral"
     live.set_policy(policies.make("stand"))
     for _ in range(round(POLICY_BLEND_TIME / live.env.dt) + 1):
         live.step()
-    assert np.array_equal(live.latest.action[0], np.float32(SIMPLE_QUAD.home_pose))  # its own, once it has taken over
+    assert np.array_equal(live.latest.action[0], np.float32(SIMPLE_QUAD.home_pose))  # its own target, after the blend
     assert not live.latest.infos["fall"].any()
     live.close()
 
 
 def test_a_policy_that_has_walked_elsewhere_begins_anew_where_it_is_chosen() -> None:
-    """Its clock and what it remembers: its actions are those of one that was just made."""
+    """Clock and memory are reset: the actions equal those of a new policy."""
     walked = policies.make("trot_integral")
     elsewhere = Session(walked, "rough", seed=5, command=(0.8, 0.0, 0.3))
     for _ in range(33):
@@ -96,7 +96,7 @@ def test_a_policy_that_has_walked_elsewhere_begins_anew_where_it_is_chosen() -> 
 
 
 def test_a_reset_begins_the_policy_anew_and_ends_its_taking_over() -> None:
-    """An episode after a change of policy is that of the policy from the start, whatever it did before."""
+    """An episode after a change of policy equals an episode with this policy from the start."""
     live, fresh = session("stand"), session("trot", seed=4)
     live.set_policy(policies.make("trot"))
     for _ in range(7):

@@ -1,4 +1,4 @@
-"""View, film and recording of scenarios with the robot's hardware profile: policies are made for it."""
+"""View, film and recording of scenarios on the hardware profile: policies are made for this profile."""
 
 from contextlib import closing
 from pathlib import Path
@@ -18,7 +18,7 @@ MAKERS = "35 N·m/rad and 0.5 N·m·s/rad"
 
 @pytest.fixture(autouse=True)
 def _soft(monkeypatch: pytest.MonkeyPatch) -> None:
-    """SimpleQuad's model with a maker's servos, softer than those that our controllers command."""
+    """Let SimpleQuad have built-in servos that are softer than the gains of the project's controllers."""
     robot = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
     monkeypatch.setattr(HardwareConfig, "robot_model", property(lambda _: robot))
 

@@ -1,6 +1,4 @@
-"""`python -m quad_env describe` reports the parameters of a model and whether it stands, and
-writes an editable file.
-"""
+"""`python -m quad_env describe` reports parameters of a model and whether it stands, and writes an editable file."""
 
 from pathlib import Path
 

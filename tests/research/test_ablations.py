@@ -1,4 +1,4 @@
-"""The study of the effect of each choice of the training."""
+"""Study of the effect of each choice in the training."""
 
 import dataclasses
 
@@ -33,7 +33,7 @@ def run(success, error, minutes):
 
 
 def test_the_rows_by_hand():
-    """Means 60 and 50 of spreads 1 and 1: Welch's 95 % for 2 and 2 is 10 ± 4.303 · 1."""
+    """The means are 60 and 50 with stds of 1: Welch's 95 % interval for 2 and 2 samples is 10 ± 4.303 · 1."""
     found = {
         DEFAULT: [run(50.0 - np.sqrt(0.5), 0.1, 1.0), run(50.0 + np.sqrt(0.5), 0.2, 3.0)],
         "no memory": [run(60.0 - np.sqrt(0.5), 0.3, 1.0), run(60.0 + np.sqrt(0.5), 0.5, 2.0)],

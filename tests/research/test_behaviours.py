@@ -1,4 +1,4 @@
-"""Jump, recovery and safety layer do on a few episodes what the studies report of many."""
+"""Jump, recovery and safety layer have the results of the studies in a few episodes."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch)
 
 
 def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch) -> None:
-    """It is parked in the home pose, where it looks as if it stood."""
+    """The robot is reset to the home pose after the divergence, and must not count as landed."""
     found = Simulation.diverged
 
     def first_one_diverges(self, ids=ALL):
@@ -45,7 +45,7 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
 
 
 def test_nearly_every_robot_gets_up_from_any_pose() -> None:
-    """At the 99.6 % of the whole study, 30 of 32 are missed in 0.03 % of samples; at 90 % in 63 %."""
+    """At the rate of the study, 99.6 %, fewer than 30 of 32 robots get up in 0.03 % of samples; at 90 % in 63 %."""
     outcome = recovery.run_recovery(episode_seeds("search", 3, 32))
     assert (outcome.standing_since <= 5.0).sum() >= 30
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque + 1e-9
@@ -60,7 +60,7 @@ def test_nearly_every_robot_gets_up_from_any_pose() -> None:
         (0.0, 0.44, 0.0, 0.0, False, False),
         (0.0, 0.5, 0.31, 0.0, False, False),
         (0.0, 0.5, 0.0, 0.31, False, False),
-        (0.0, 0.5, 0.0, 0.0, True, False),  # parked in the home pose
+        (0.0, 0.5, 0.0, 0.0, True, False),  # reset to the home pose
     ],
 )
 def test_a_robot_stands_that_is_upright_high_and_still(tilt, height, speed, turning, diverged, expected) -> None:

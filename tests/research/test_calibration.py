@@ -1,4 +1,4 @@
-"""Intervals cover as often as they say and tests claim no more than they may; the checks of that see planted faults."""
+"""Intervals have their coverage and tests their error rate; the checks of both detect planted faults."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ LEVEL = ["sign flips, exchangeable pairs", "McNemar, ties by lot"]
 
 @pytest.fixture(autouse=True)
 def fewer_resamples(monkeypatch) -> None:
-    """A tenth of the resamples: ends of intervals are a little noisier then, coverage and levels are the same."""
+    """Use a tenth of the resamples: ends of intervals are noisier, and coverage and levels are equal."""
     for module, name, count in (
         (statistics, "RESAMPLES", 999),
         (significance, "FLIPS", 999),
@@ -28,7 +28,7 @@ def fewer_resamples(monkeypatch) -> None:
 
 
 def share(rules, name: str, sets: int, falls=FALLS) -> float:
-    """Of yes, over data sets of all those fall probabilities."""
+    """Return the rejection rate over data sets of all fall probabilities."""
     rows = [check for p in falls for check in rules(COUNT, p) if check.name == name]
     return float(np.mean([checks.rejection_rate(check, sets // len(falls), seed=2) for check in rows]))
 

@@ -1,4 +1,4 @@
-"""The study of causes: its tables, films that do not say the cause, and the comparison with what a person read."""
+"""Study of causes: its tables, films that hide the cause, and the comparison with a person's answers."""
 
 import csv
 from pathlib import Path
@@ -20,7 +20,7 @@ def rows(file: Path) -> list[dict[str, str]]:
 
 @pytest.fixture
 def page(tmp_path) -> Path:
-    """With a place for everything."""
+    """Create a page with all places for tables."""
     page = tmp_path / "causes.md"
     page.write_text(
         "".join(f"<!-- {place} -->\n<!-- /{place} -->\n" for place in ("thresholds", "agreement", "reading"))
@@ -58,7 +58,7 @@ READ = "film,cause,remark\n0.png,trip,sees it\n1.png,slip,\n2.png,slip,\n"
 
 
 def reading(folder: Path, page: Path, text: str) -> list[str]:
-    """Words of the command that compares this with a key of three films."""
+    """Return the arguments of the command that compares answers with a key of three films."""
     (folder / "read.csv").write_text(text)
     (folder / "key.csv").write_text("film,cause,certain\n0.png,trip,True\n1.png,trip,True\n2.png,slip,False\n")
     files = {"reading": folder / "read.csv", "key": folder / "key.csv", "page": page, "table": folder / "causes.csv"}

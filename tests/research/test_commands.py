@@ -1,5 +1,4 @@
-"""Each study runs the episodes that its options name, on seeds of the family that it is meant for; mistakes are one
-line."""
+"""Each study runs the episodes of its options, with seeds of the right family; user errors are one line."""
 
 import pytest
 
@@ -9,7 +8,7 @@ from tests.batches import begun
 from tests.seams import short_episodes
 
 BRIEF = 130
-"""Control steps of an episode."""
+"""Number of control steps of an episode."""
 
 
 def drawn(seed: int, count: int, purpose: str = "evaluation") -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""Learning curves: validations of runs from their folders, seeds of one recipe together, and the picture of them."""
+"""Learning curves: validations of runs from their folders, seeds of one configuration pooled, and the figure."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ Points = list[tuple[int, float, float | None]]
 
 
 def folder_of_run(folder: Path, points: Points | None, **settings: Any) -> Path:
-    """A run's folder: steps, success and cost of transport of its validations, and what differs in its settings."""
+    """Create a run's folder from steps, success and cost of transport of its validations, and changed settings."""
     folder.mkdir()
     (folder / CONFIG_FILE).write_text(json.dumps(to_dict(TrainConfig()) | settings))
     names = "steps", "success", "cost_of_transport"
@@ -36,7 +36,7 @@ def test_runs_that_differ_in_their_seed_alone_are_one_band_over_the_seeds(tmp_pa
     c = folder_of_run(tmp_path / "c", [(100, 0.5, 3.0)], seed=0, base="trot")
     band, other = group_by_seed([read_curve(each) for each in (a, b, c)])
     assert [run.folder for run in band.runs] == [a, b]
-    np.testing.assert_array_equal(band.steps, [100, 200])  # which both were validated at
+    np.testing.assert_array_equal(band.steps, [100, 200])  # steps at which both runs were validated
     mean, low, high = band.over_seeds()
     np.testing.assert_allclose(mean, [[0.3, 0.5], [1.5, 0.7]])
     np.testing.assert_allclose(low, [[0.2, 0.4], [1.0, 0.6]])
@@ -93,7 +93,7 @@ ONE = SeedBand("alone", (run(0, (0.9, 0.7)),))
 
 
 def lines(axes: Any) -> dict[str, list[float]]:
-    """Heights of the labelled lines."""
+    """Return the heights of the labelled lines."""
     named = {line.get_label(): line.get_ydata().tolist() for line in axes.get_lines()}
     return {name: heights for name, heights in named.items() if not str(name).startswith("_")}
 

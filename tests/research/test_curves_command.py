@@ -1,4 +1,4 @@
-"""`python -m research curves`: pictures of runs, and one line for what is none."""
+"""`python -m research curves`: figures of runs, and one line for a folder without a run."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The tables of the estimators: their places on a page, their figures, and what cannot be measured."""
+"""Tables of the estimators: their places on a page, their numbers, and missing values."""
 
 import warnings
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path:
         "<!-- pushes -->\nold\n<!-- /pushes -->\n<!-- results -->\nkept\n<!-- /results -->\n", encoding="utf-8"
     )
     options = estimation.EstimationOptions(table="pushes", policy="stand", episodes=2, seeds="search", page=page)
-    with begun() as batches, warnings.catch_warnings(action="ignore"):  # no push within so few steps
+    with begun() as batches, warnings.catch_warnings(action="ignore"):  # too few steps for a push
         assert estimation.main(options) == 0
     assert [batch.env.estimator.__class__.__name__ for batch in batches] == ["ComplementaryFilter", "KalmanFilter"]
     assert {batch.env.robot.name for batch in batches} == {"go1"}
@@ -55,7 +55,7 @@ def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path:
 
 
 def test_an_error_counts_in_the_window_after_its_push() -> None:
-    """0.3 m/s from 0.3 to 0.5 s after the second push of the second robot, in one of four pushes."""
+    """The error is 0.3 m/s from 0.3 to 0.5 s after the second push of the second robot, one of four pushes."""
     pushes = np.array([[150, 600], [300, 700]])
     errors = np.zeros((900, 2, 3))
     errors[700 - estimation.SETTLING :, 1, 2][30:50] = 0.3
@@ -70,7 +70,7 @@ def test_nees_of_an_error_of_one_deviation_is_one() -> None:
         (still, [[0.0, 0.1, 0.0]], 1.0),
         ([[0.2, 0.0, 0.0]], still, 1.0),
         ([[0.2, 0.2, 0.0]], [[0.1, 0.1, 0.1]], 5.0),
-        ([[0.0, 0.0, 3.0]], still, 0.0),  # a turn about gravity is no error of it
+        ([[0.0, 0.0, 3.0]], still, 0.0),  # a rotation about gravity is no error of gravity
     ):
         found = estimation.normalized_error_squared(DOWN, np.array(turned), np.array(moved), covariance)
         np.testing.assert_allclose(found, [expected], atol=1e-9)
@@ -83,7 +83,7 @@ def test_the_band_holds_95_per_cent_of_means() -> None:
 
 
 def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) -> None:
-    """NEES of `trot_feedback`, whose feet hit the ground hard and come up with it, is 17 where that is left out."""
+    """The NEES of `trot_feedback`, whose feet hit the ground hard and rebound, is 17 without the term for impacts."""
     monkeypatch.setattr(estimation, "STEPS", 300)
     for policy in ("trot", "trot_feedback"):
         options = estimation.EstimationOptions(policy=policy, episodes=4, seeds="search")

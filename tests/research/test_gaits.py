@@ -1,4 +1,6 @@
-"""Measured gaits: the strides in contacts, figures and pictures on the pages that name a controller, and which do."""
+"""Measured gaits: strides from contacts, numbers and figures on the pages of controllers, and
+the list of these pages.
+"""
 
 import re
 from pathlib import Path
@@ -17,11 +19,11 @@ PAGES = "".join(
     path.read_text(encoding="utf-8") for folder in ("docs", "models") for path in (ROOT / folder).rglob("*.md")
 )
 STANDING = {"stand", "crouch", "document", "gaits", "behaviour", "mpc_wbc_sighted", "trot_reference"}
-"""Which stand, fall, or walk as another one does."""
+"""Policies that stand, fall, or walk like another policy."""
 
 
 def rows(*spans: tuple[int, int]) -> np.ndarray:
-    """Contacts of four feet over 200 steps, of which the third has these spans, and the others none."""
+    """Return contacts of four feet over 200 steps; the third foot has the given spans, and the others none."""
     contact = np.zeros((200, 4), np.bool_)
     for first, end in spans:
         contact[first:end, 2] = True
@@ -43,7 +45,7 @@ def test_the_diagram_is_filled_where_the_foot_is_on_the_ground() -> None:
     high = 150 - 12 - 48
     assert 12 + high / 2 <= filled[:, 0].min()
     assert filled[:, 0].max() <= 12 + high * 3 / 4
-    marked = np.flatnonzero((image.max(axis=-1) < 60)[12 + high - 3])  # the axis is below, that of the feet at 40
+    marked = np.flatnonzero((image.max(axis=-1) < 60)[12 + high - 3])  # the time axis of the feet at row 40 is below
     np.testing.assert_allclose(marked[marked > left + 3].mean(), left + wide * 120.5 / 200, atol=3)
 
 
@@ -66,11 +68,11 @@ def test_a_page_gets_figures_film_and_strip_of_each_controller_that_it_names(tmp
     assert stand[1].split(" | ")[1:4] == ["0.00", "1.00", "0.0"]
     assert all((tmp_path / file).is_file() for file in re.findall(r"\]\((.+?)\)", text))
     with Image.open(out / "simple_quad_trot_film.webp") as film, Image.open(out / "simple_quad_trot.webp") as still:
-        film.load()  # its duration is known then
+        film.load()  # the duration is known after loading
         assert (film.size, film.n_frames, film.info["duration"]) == ((160, 100), 34, 60)
         assert still.size == (8 * 160, 250)
         frames = np.asarray(still.convert("RGB")).astype(int)[150:].reshape(100, 8, 160, 3)
-    assert (np.abs(np.diff(frames, axis=1)).max(axis=-1) > 40).mean(axis=(0, 2)).min() > 0.005  # its legs
+    assert (np.abs(np.diff(frames, axis=1)).max(axis=-1) > 40).mean(axis=(0, 2)).min() > 0.005  # the legs move
 
 
 def test_what_is_no_place_and_no_policy_is_said_before_anything_is_drawn(tmp_path, capsys) -> None:

@@ -1,4 +1,4 @@
-"""`leaderboard`: a page from a list, and one line for what is not as the list says."""
+"""The command `leaderboard`: a page from a list, and one line for each error in the list."""
 
 import contextlib
 import csv
@@ -38,7 +38,7 @@ URL = f"https://github.com/someone/robots/raw/{REVISION}/onnx/go1%20policy.onnx"
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder, the current one."""
+    """Return a folder and make it the working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -55,7 +55,7 @@ def written(folder: Path, name: str) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder, the current one, of a small leaderboard of two of our controllers, with episodes of 2 s."""
+    """Return the working folder of a small leaderboard of two of the project's controllers, with episodes of 2 s."""
     folder = tmp_path_factory.mktemp("board")
     with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
         short_episodes(patch, 200)
@@ -129,7 +129,7 @@ def test_a_file_of_another_hash_is_refused(folder, refused) -> None:
 
 
 def answer(content: bytes, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Have every address hold that content; the addresses that are asked for."""
+    """Serve `content` at every address, and return the list of requested addresses."""
     asked: list[str] = []
     monkeypatch.setattr(urllib.request, "urlopen", lambda url, timeout: asked.append(url) or io.BytesIO(content))
     return asked

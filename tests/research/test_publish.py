@@ -1,4 +1,4 @@
-"""Seed 0 ships, the card shows the other seeds too, and its command repeats the run."""
+"""The policy of seed 0 is published, its card shows the other seeds, and the card's command repeats the run."""
 
 import dataclasses
 import json
@@ -46,7 +46,7 @@ CARDS = [
     )
     for file in sorted(MODELS.rglob("MODEL.md"))
 ]
-"""Cards of all shipped policies; those of other robots are in a folder of the robot."""
+"""Cards of all published policies; those for other robots are in a folder of the robot."""
 
 
 def publish(words):
@@ -71,7 +71,7 @@ def test_seed_0_ships_whatever_the_order_and_company_and_each_seed_is_one_run():
 
 @pytest.mark.parametrize("file", sorted(MODELS.rglob("policy.json")), ids=lambda file: file.parent.name)
 def test_the_settings_of_every_shipped_policy_can_be_read(file):
-    """Older ones have settings that are gone, with the only value that is left."""
+    """Older policies have removed settings, with the only remaining value."""
     settings = json.loads(file.read_text(encoding="utf-8"))["training"]
     assert from_dict(migrate_settings(settings)).steps == settings["steps"]
     with pytest.raises(ValueError, match="space was removed"):
@@ -92,7 +92,7 @@ def test_the_command_of_the_card_repeats_the_run():
 
 @pytest.mark.parametrize("file", CARDS)
 def test_the_command_of_a_shipped_card_has_the_settings_of_its_bundle_and_the_card_names_the_revision(file):
-    """Training options whose defaults change would make another policy of the command of an older card."""
+    """If defaults of training options change, the command of an older card would train another policy."""
     text, bundle = file.read_text(encoding="utf-8"), json.loads((file.parent / "policy.json").read_text("utf-8"))
     (printed,) = re.findall(r"^    (python -m train .*)$", text, re.MULTILINE)
     settings = settings_of_card(bundle["training"], text)
@@ -220,7 +220,9 @@ def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path
 def test_a_damaged_or_unfinished_run_is_not_published(file, change, complaint, runs, tmp_path, refused):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
-    (folder / "checkpoints" / "000000000000.json").unlink(missing_ok=True)  # or the run would go on from there
+    (folder / "checkpoints" / "000000000000.json").unlink(
+        missing_ok=True
+    )  # otherwise the run would resume from this checkpoint
     before = (folder / file).read_bytes()
     (folder / file).write_text(change(before.decode(errors="replace")), encoding="utf-8")
     assert (folder / file).read_bytes() != before

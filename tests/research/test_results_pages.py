@@ -1,4 +1,4 @@
-"""README, pages, CSV files and figures hold the figures of results.json."""
+"""README, pages, CSV files and figures contain the numbers of results.json."""
 
 import csv
 import json
@@ -38,7 +38,7 @@ EMPTY = "head\n<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robot
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder, the current one, with a README and a page that have all places."""
+    """Return a folder with a README and a page that have all places, as the working folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "docs" / "results").mkdir(parents=True)
     for name in ("README.md", "docs/page.md"):
@@ -54,13 +54,13 @@ def evaluation(folder, found=FOUND, name="run") -> str:
 
 
 def readme(folder, found=FOUND, *options) -> str:
-    """The README after the command."""
+    """Return the README after the command."""
     assert main(["readme", evaluation(folder, found), "--picture", "docs/results/run.png", *options]) == 0
     return (folder / "README.md").read_text(encoding="utf-8")
 
 
 def page(folder, found=FOUND) -> str:
-    """The page after the command."""
+    """Return the page after the command."""
     evaluation(folder, found)
     assert main(["results", "run", "--pages", "docs/page.md"]) == 0
     return (folder / "docs/page.md").read_text(encoding="utf-8")
@@ -177,7 +177,7 @@ def test_other_robots_have_a_row_each(folder) -> None:
     one = evaluation(folder, of_robot("simple_quad", "trot", "residual"), "one")
     other = evaluation(folder, of_robot(str(folder / "alike.xml"), "residual", "mpc_wbc"), "other")
     table = readme(folder, FOUND, "--robots", one, other).split("<!-- robots -->\n")[1].splitlines()
-    assert table[0] == "| robot | `residual` |"  # what all of them have
+    assert table[0] == "| robot | `residual` |"  # the common policy of all robots
     assert table[2] == "| simple_quad, 14.2 kg on legs of 0.60 m | 47\u00a0% [43,\u00a053] |"
     assert table[3].startswith("| alike, 1.4 kg on legs of 0.24 m | ")
 

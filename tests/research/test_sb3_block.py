@@ -1,4 +1,4 @@
-"""The README's block for Stable-Baselines3: its figures are those of the block that stands there, and it walks."""
+"""The README's block for Stable-Baselines3: its numbers belong to the present block, and its policy walks."""
 
 import json
 import re
@@ -39,7 +39,7 @@ def test_every_seed_walks_within_half_an_hour_of_one_core_where_standing_never_s
     assert max(entry["minutes"] for entry in RECORD["seeds"]) <= 30.0
     assert RECORD["standing"][trained]["successes"] == 0
     assert RECORD["episodes"] >= 96
-    assert [entry["seed"] for entry in RECORD["seeds"]] == list(range(len(RECORD["seeds"])))  # none was left out
+    assert [entry["seed"] for entry in RECORD["seeds"]] == list(range(len(RECORD["seeds"])))  # no seed is missing
 
 
 def weights(model: Path) -> bytes:

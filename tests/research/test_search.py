@@ -1,4 +1,4 @@
-"""The search for success: its scenarios, its cost, what it writes and keeps."""
+"""The search for success: its scenarios, its cost, its files, and the adopted parameters."""
 
 import dataclasses
 import json
@@ -29,12 +29,12 @@ def brief_judgement(monkeypatch):
 
 
 def kind_of(name):
-    """Class of a subject's parameters."""
+    """Return the class of a policy's parameters."""
     return type(policies.make(name).parameters)
 
 
 def told(text, kind):
-    """The parameters before and after of an account, with what was set by hand since."""
+    """Return the parameters before and after the search of an account, including later manual changes."""
     cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
     rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(kind)}
     by_hand = next((line for line in text.splitlines() if line.startswith("Set by hand since:")), "").partition(". ")[0]
@@ -44,7 +44,7 @@ def told(text, kind):
 
 @each_subject
 def test_the_parameters_in_force_are_those_that_the_account_says(name):
-    """Those of a policy that has not been searched are the defaults."""
+    """A policy without a search has the default parameters."""
     subject, kind = POLICIES[name], kind_of(name)
     account = subject.file.path.with_name(subject.account_name)
     said = kind()
@@ -55,7 +55,7 @@ def test_the_parameters_in_force_are_those_that_the_account_says(name):
 
 
 def searched(folder, name):
-    """The parameters and the account that a tiny search leaves in a folder of its own."""
+    """Return the parameters and the account of a tiny search in its own folder."""
     folder.mkdir()
     out = folder / "found.json"
     assert main(["search", *TINY.split(), "--policy", name, "--out", str(out)]) == 0
@@ -107,7 +107,7 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
-    assert adoption_decision(np.full(8, -1.0))[0]  # all of 2^8 signs but two cost less: p = 2 / 256
+    assert adoption_decision(np.full(8, -1.0))[0]  # all but two of 2^8 sign patterns cost less: p = 2 / 256
     assert not adoption_decision(np.full(8, 1.0))[0]
     assert not adoption_decision(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))[0]
 

@@ -1,4 +1,4 @@
-"""The table of two runs of the same episodes: figures of the common ones, written into a page and a CSV file."""
+"""Table of two runs of the same episodes: numbers of the common episodes, on a page and in a CSV file."""
 
 import csv
 from pathlib import Path
@@ -11,7 +11,7 @@ from research.__main__ import main
 
 
 def test_a_run_next_to_a_shorter_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same simulator in both: no difference in the two episodes that both have."""
+    """Both runs use the same simulator: there is no difference in the two common episodes."""
     monkeypatch.setattr(rollout, "STEPS", 110)
     for name, episodes in (("a", "2"), ("b", "3")):
         run = ["--policies", "stand", "--scenarios", "steady", "--episodes", episodes, "--out", str(tmp_path / name)]

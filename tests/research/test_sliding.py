@@ -1,4 +1,4 @@
-"""Sliding feet: what is measured is what a setting and the laws of friction make it."""
+"""Sliding feet: measurements agree with the settings and the laws of friction."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def ball(setting: ContactSetting = SETTINGS["today"], gravity: float | None = No
 
 @pytest.mark.parametrize("friction", [0.4, 0.8])
 def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(friction: float) -> None:
-    """From 2 m/s on the way to rest it takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts it."""
+    """From 2 m/s to rest takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts the ball."""
     exact = ContactSetting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
     lift, _, whole = simulate_slide(ball(exact), 2.0, 1.0, exact=True)
     assert lift < 0.0
@@ -32,7 +32,7 @@ def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(frict
 
 
 def test_another_gravity_is_seen() -> None:
-    """Braking is in units of the earth's."""
+    """The deceleration is in units of the earth's gravity."""
     assert simulate_slide(ball(gravity=0.5 * GRAVITY), 2.0, 1.0, exact=False)[2] == pytest.approx(0.5, abs=0.03)
 
 
@@ -47,7 +47,7 @@ def test_every_setting_reaches_ball_and_robot() -> None:
 
 
 def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) -> None:
-    """A trot on ice: friction of 0.02 lets no robot walk, and none is left over for the next setting."""
+    """With a friction of 0.02 no robot walks; the next setting is unaffected."""
     monkeypatch.setitem(SETTINGS, "ice", ContactSetting(friction=0.02))
     monkeypatch.setattr(sliding, "measure_sliding", lambda setting: {})
     short_episodes(monkeypatch, 150)
@@ -60,7 +60,7 @@ def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) ->
 
 
 def test_exact_friction_walks_as_far_as_today_s(monkeypatch) -> None:
-    """On flat ground nothing slides: the trot succeeds under both."""
+    """Nothing slides on flat ground: the trot succeeds with both contact models."""
     short_episodes(monkeypatch, 150)
     options = SlidingOptions(scenarios=("flat",), episodes=1)
     assert sliding.evaluate_walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0

@@ -1,4 +1,4 @@
-"""Straight walking: a speed scaled to the robot's size on all grounds, and a table of the results."""
+"""Straight walking: a speed scaled to the robot's size on every ground, and a table of the results."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""The study of physics steps: what a walk costs depends on none."""
+"""Study of the physics time step: the cost of transport is independent of the time step."""
 
 import csv
 

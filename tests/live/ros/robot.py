@@ -1,4 +1,4 @@
-"""The command `python -m quad_env ros` in a test, next to nodes that use only ROS."""
+"""The command `python -m quad_env ros` in a test, with nodes that use only ROS."""
 
 import json
 import os
@@ -27,7 +27,7 @@ TIMEOUT = 60.0
 
 
 def python_with_ros(version: str) -> str:
-    """The Python that has ROS of that version; the test is skipped where there is none."""
+    """Return the Python with a version of ROS; skip the test without one."""
     try:
         return interpreter.find(version)[1]
     except UsageError as error:
@@ -35,14 +35,17 @@ def python_with_ros(version: str) -> str:
 
 
 def free_port() -> int:
-    """A port of the loopback interface that nobody listens on."""
+    """Return a free port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def march(path: Path) -> np.ndarray:
-    """Write joint targets of `document_repaired`, which is blind, into a file for nodes; the same, (n, 12), rad."""
+    """Write joint targets of `document_repaired`, an open-loop controller, into a file for nodes.
+
+    Return them, (n, 12), rad.
+    """
     policy, shown = policies.make("document_repaired"), np.zeros(48, np.float32)
     policy.reset()
     targets = np.array([policy.act(shown) for _ in range(1000)])
@@ -51,7 +54,7 @@ def march(path: Path) -> np.ndarray:
 
 
 class Robot:
-    """The command, with a master of its own on a free port, or in a domain of its own."""
+    """The command, with its own master on a free port, or in its own domain."""
 
     def __init__(
         self, folder: Path, *options: str, version: str = "1", port: int | None = None, **variables: str
@@ -80,7 +83,7 @@ class Robot:
         return self._said.read_text(encoding="utf-8")
 
     def wait_for(self, text: str, count: int = 1) -> None:
-        """Wait until it has said that so often."""
+        """Wait until the command has printed a text `count` times."""
         end = time.monotonic() + TIMEOUT
         while self.said.count(text) < count:
             assert time.monotonic() < end, f"{text!r} was not said: {self.said}"
@@ -88,13 +91,13 @@ class Robot:
             time.sleep(0.02)
 
     def node(self, name: str, *arguments: str) -> Node:
-        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine."""
+        """Run a node of `nodes` with the Python that has ROS."""
         command = [self.python, str(NODES / f"{name}.py"), *arguments]
         here = {"ROS_IP": "127.0.0.1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         return subprocess.Popen(command, env=self.environment | here, stderr=subprocess.DEVNULL)
 
     def ports(self) -> list[int]:
-        """Ports that the process which speaks ROS listens on."""
+        """Return the listening ports of the process that uses ROS."""
         children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
         (child,) = children.read_text(encoding="utf-8").split()[:1]
         inodes = {os.readlink(entry) for entry in Path(f"/proc/{child}/fd").iterdir()}
@@ -102,7 +105,7 @@ class Robot:
         return [int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
 
     def end(self) -> int:
-        """End it by Ctrl-C, which a terminal sends to all processes of a command; the exit code."""
+        """End the command by Ctrl-C, sent to all of its processes as a terminal does, and return the exit code."""
         os.killpg(self.process.pid, signal.SIGINT)
         return self.process.wait(TIMEOUT)
 
@@ -114,16 +117,16 @@ class Walk:
     targets: np.ndarray
     joints: np.ndarray
     feet: np.ndarray
-    """Heights of the feet's centres, m."""
+    """Heights of the centres of the feet, m."""
     trunk: np.ndarray
-    """Height of its centre, m."""
+    """Height of the centre of the trunk, m."""
     commands: np.ndarray
     turns: np.ndarray
     """Orientation of the trunk, quaternion x y z w."""
 
 
 def recorded(path: Path) -> Walk:
-    """The walk that a file of --record has."""
+    """Return the walk in a file of --record."""
     decoded = {topic: [content for _, content in messages] for topic, messages in read_mcap(path).items()}
     trunk = [frame.transforms[0].transform for frame in decoded["/tf"][1:]]
     joints = np.array([state.position for state in decoded["/joint_states"][1:]])

@@ -1,4 +1,4 @@
-"""The robot's side of the ROS interface, without ROS: whatever comes, the robot ends up standing and says why."""
+"""Robot side of the ROS interface, without ROS: after any message, the robot finally stands and reports the reason."""
 
 from collections.abc import Iterator
 
@@ -85,7 +85,7 @@ def test_targets_are_joined_without_a_jump_and_then_followed_to_the_bit(driven: 
 
 def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_until_messages_come_again(driven: Scene) -> None:
     drive(driven, CROUCHED, 40)
-    for _ in range(2):  # a gap shorter than that is no silence
+    for _ in range(2):  # a gap shorter than the timeout is no silence
         driven.step(20)
         drive(driven, CROUCHED, 1)
     driven.step(20)
@@ -120,7 +120,7 @@ def test_bad_messages_are_refused_and_count_as_silence(driven: Scene) -> None:
 def test_targets_past_the_joints_stops_stop_there(driven: Scene) -> None:
     drive(driven, np.full(12, 1e9), 40)
     np.testing.assert_array_equal(driven.targets, np.float32(SIMPLE_QUAD.joint_upper))
-    driven.step(22)  # and the way home begins at the stops
+    driven.step(22)  # the way home starts at the joint limits
     assert np.abs(driven.targets - SIMPLE_QUAD.joint_upper).max() < 0.2
     assert (driven.targets[2::3] < -0.02).all()
 

@@ -58,8 +58,8 @@ def test_a_process_that_does_not_keep_up_is_not_waited_for_and_one_that_ends_is_
         assert link.wait_until_ready() == "here"
         assert list(link.received()) == []
         for _ in range(2000):
-            link.send({"values": [0.0] * 100})  # it does not keep up, and is not waited for
+            link.send({"values": [0.0] * 100})  # the receiver does not keep up, and the sender does not wait
         link._process.wait(60)
-        link.send({"time": 2})  # to nobody
+        link.send({"time": 2})  # without a receiver
         with pytest.raises(RosProcessError, match="has ended"):
             list(link.received())

@@ -1,4 +1,4 @@
-"""A robot behind ROS 1 marches as the article's controller does, and nothing that comes by ROS brings it down."""
+"""A robot behind ROS 1 marches like the article's controller, and no ROS message lets it fall."""
 
 import contextlib
 import http.client
@@ -18,7 +18,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.ros.robot import Robot, Walk, free_port, march, python_with_ros, received, recorded
 
 CYCLE = 50
-"""Control steps of a gait cycle of the article's controller."""
+"""Number of control steps of a gait cycle of the article's controller."""
 FOLLOWED, SILENT = "/position_controller/command is followed", "nothing good on /position_controller/command"
 
 
@@ -30,7 +30,7 @@ class Story:
     said: str
     code: int
     table: np.ndarray
-    """Targets of `document_repaired` that the node published."""
+    """Targets of `document_repaired`, as published by the node."""
     received: Path
 
 
@@ -61,7 +61,9 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
 
 def test_the_robot_marches_as_the_node_has_it_and_stands_up_once_that_is_killed(story: Story) -> None:
     targets = story.walk.targets
-    begin = int(np.flatnonzero(np.any(targets != targets[0], axis=1))[0]) + CYCLE  # from then on they are followed
+    begin = (
+        int(np.flatnonzero(np.any(targets != targets[0], axis=1))[0]) + CYCLE
+    )  # the robot follows the targets from here on
     marched = slice(begin, begin + 4 * CYCLE)
     published = np.clip(story.table, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper).astype(np.float32)
     assert {tuple(row) for row in targets[marched].tolist()} <= {tuple(row) for row in published.tolist()}
@@ -88,7 +90,7 @@ def test_joint_states_come_at_50_hz_in_the_robots_order_beside_the_clock(story: 
     assert len(states) > 20
     assert set(np.diff([state["stamp"] for state in states])) == {20_000_000}
     assert set(np.diff([imu["stamp"] for imu in imus])) == {10_000_000}
-    # rospy itself skips a /clock that is late, where nodes go by it.
+    # rospy itself skips a late /clock, if nodes use it.
     ticks = np.diff([clock["stamp"] for clock in clocks])
     assert set(ticks % 10_000_000) == {0}
     assert np.median(ticks) == 10_000_000
@@ -111,10 +113,10 @@ def refused(address: str, port: int) -> bool:
 
 @pytest.fixture(scope="module")
 def address() -> str:
-    """One of this machine that is not of the loopback interface; the test is skipped where there is none."""
+    """Return an address of this machine outside the loopback interface; skip the test without one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing
+            probe.connect(("192.0.2.1", 9))  # sends no data
         except OSError as error:
             pytest.skip(f"this machine has the loopback interface alone: {error}")
         return str(probe.getsockname()[0])
@@ -150,7 +152,7 @@ def test_velocities_steer_a_policy_and_others_are_kept_out(address: str, tmp_pat
                 assert connection.getresponse().status == status
                 connection.close()
 
-        # rosnode kill, or another node that takes the name; it may be gone before it has answered.
+        # rosnode kill, or another node with the same name; the node may end before its answer.
         with contextlib.suppress(OSError, http.client.HTTPException), xmlrpc.client.ServerProxy(node) as slave:
             slave.shutdown("/test", "for a test")
         assert steered.process.wait(30) == 2

@@ -1,4 +1,4 @@
-"""The same robot behind ROS 2, which shares all but its connection with ROS 1."""
+"""The same robot behind ROS 2; only the connection differs from ROS 1."""
 
 from pathlib import Path
 

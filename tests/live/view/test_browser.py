@@ -1,4 +1,6 @@
-"""A person's way with the live view: the command, a browser, keys, and what the page then says of the robot."""
+"""A user's session with the live view: the command, a browser, keys, and the resulting state
+of the robot on the page.
+"""
 
 import math
 import re
@@ -24,11 +26,11 @@ const pad = {connected: true, id: "a pad", axes: [0, 0, 0, 0], buttons};
 Object.defineProperty(navigator, "getGamepads", {value: () => (window.name === "pad" ? [pad] : [])});
 addEventListener("stick", ({detail}) => { pad.axes = detail; });
 """
-"""Stands in for a gamepad, which no browser without hardware has; the page's own code reads it."""
+"""Simulated gamepad, since a browser has none without hardware; the page's own code reads it."""
 
 
 PATIENCE = 300
-"""For whatever a page is to show, s: the machine may be busy, and nothing here says how fast it is."""
+"""s. Largest time for any change of the page on a busy machine; it is no requirement on speed."""
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,7 @@ def page(address: str) -> Iterator[Page]:
 
 
 def told(page: Page, name: str, robot: int = 0) -> str:
-    """What the page's table says of a robot."""
+    """Return an entry of a robot in the page's table."""
     return page.locator(f'tr.robot-{robot} td[data-name="{name}"]').inner_text()
 
 
@@ -71,7 +73,7 @@ def number(page: Page, name: str) -> float:
 
 
 def until(page: Page, shown: Callable[[], bool]) -> None:
-    """Wait until the page shows something."""
+    """Wait until a condition on the page holds."""
     end = time.monotonic() + PATIENCE
     while not shown():
         assert time.monotonic() < end
@@ -79,18 +81,18 @@ def until(page: Page, shown: Callable[[], bool]) -> None:
 
 
 def clock(page: Page) -> float:
-    """Simulated time, s."""
+    """Return the simulated time, s."""
     return float(page.locator("#clock").inner_text().split()[0])
 
 
 def walk(page: Page, seconds: float) -> None:
-    """Wait until so much simulated time has passed, s."""
+    """Wait until `seconds` of simulated time have passed."""
     end = clock(page) + seconds
     until(page, lambda: clock(page) >= end)
 
 
 def frames(page: Page) -> int:
-    """How many pictures the page has shown."""
+    """Return the number of pictures that the page has shown."""
     return int(page.locator("#frame").get_attribute("data-frames") or 0)
 
 
@@ -193,7 +195,7 @@ def test_paused_time_stands_a_step_is_a_hundredth_of_a_second_and_the_picture_is
     page.keyboard.press(".")
     until(page, lambda: clock(page) != before)
     assert clock(page) == pytest.approx(before + 0.01)
-    last = frames(page) + 3  # the first of them may have been drawn before
+    last = frames(page) + 3  # the first frame may be older
     until(page, lambda: frames(page) >= last)
     still = page.locator("#frame").screenshot()
     page.locator("#frame").hover()

@@ -1,4 +1,4 @@
-"""The command ends cleanly whenever it is interrupted, and the robots walk on however much a page asks for."""
+"""The command ends cleanly after Ctrl-C at any time, and the robots walk on under many requests of a page."""
 
 import signal
 import sys
@@ -41,7 +41,7 @@ def test_a_page_that_never_stops_asking_does_not_stop_the_robots(view: tuple[Vie
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[ViewController, LiveView]) -> None:
-    """Here in a finaliser, which a control step may run at any time."""
+    """Ctrl-C comes in a finaliser, where exceptions are lost and which a control step may run at any time."""
 
     class Finalised:
         def __del__(self) -> None:

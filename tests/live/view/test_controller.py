@@ -1,4 +1,4 @@
-"""What can be done with the robots of a view while they walk, and that what cannot be done changes nothing."""
+"""Requests to the robots of a running view take effect, and invalid requests change nothing."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -33,7 +33,7 @@ RIGHTLY: dict[str, dict[str, Any]] = {
     "drag": {"right": 3.0, "down": 4.0},
     "zoom": {"wheel": 3.0},
 }
-"""Arguments of requests; the others take none, or an `on`."""
+"""Arguments of requests; the others have none, or `on`."""
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver
     assert reward == pytest.approx(sum(rewards), abs=1e-4)
     assert robot["correction"] is None
     assert driver.state()["robots"][0]["rows"] == []
-    # Pushes are given as seen from the robot, which no longer looks along the world's x.
+    # Pushes are relative to the robot's heading, which differs from the world's x axis.
     for direction, axis, sign in ((0.0, 0, 1), (90.0, 1, 1), (-90.0, 1, -1)):
         driver.handle(Request("push", {"direction": direction, "impulse": 12.0}))
         state = walk(driver, 10)
@@ -162,7 +162,7 @@ def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_bac
 
 
 def test_a_push_is_given_to_every_robot_and_told_once(driver: ViewController) -> None:
-    """Ahead of the first: each has the same force, in the world."""
+    """The direction is relative to the first robot: each robot has the same force, world frame."""
     driver.handle(Request("policy", {"robot": 1, "name": "stand"}))
     walk(driver, 2)
     driver.handle(Request("push", {"direction": 0.0, "impulse": 6.0}))
@@ -239,7 +239,7 @@ def test_what_is_not_there_changes_nothing(
     assert after["scenario"] == "flat"
     assert [robot["policy"] for robot in after["robots"]] == ["trot"]
     assert after["time"] == 0.01
-    assert not ran.exists()  # no page has code of this machine run
+    assert not ran.exists()  # no page can run code on this machine
 
 
 def test_a_policy_that_fails_is_said_and_stands(tmp_path: Path) -> None:

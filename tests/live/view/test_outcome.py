@@ -1,4 +1,4 @@
-"""The outcome shown is that of an evaluation, with its cause, and there is none before it is decided."""
+"""The displayed outcome equals that of an evaluation, with its cause; before it is decided, none is displayed."""
 
 from contextlib import closing
 
@@ -39,7 +39,7 @@ def test_a_fall_has_the_story_and_the_cause_of_an_evaluation_and_keeps_it(name: 
         session.push((500.0, 0.0), 0.1)
         session.step()
         outcome.record()
-        assert outcome.words == before  # though it goes on, and is pushed
+        assert outcome.words == before  # although the robot continues and is pushed
 
 
 def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered() -> None:

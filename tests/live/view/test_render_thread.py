@@ -1,4 +1,4 @@
-"""What the picture shows is where things are: the camera's targets, the robots of now; and at which pace."""
+"""The picture shows the camera's targets and the present robots, at the selected speed."""
 
 import io
 import queue
@@ -73,9 +73,9 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[RenderTh
         assert np.abs(picture_of(flat) - alone).mean() < 1.0
         walk(flat, 60)
         assert np.abs(picture_of(flat) - alone).mean() > 1.0
-        assert np.abs(picture_of(two) - alone).mean() > 1.0  # a picture each, side by side
+        assert np.abs(picture_of(two) - alone).mean() > 1.0  # one picture per robot, next to each other
     with closing(walking("trot", scenario="stairs=0.3")) as stairs:
-        climbed = picture_of(stairs)  # of another model: nothing of the last one is drawn
+        climbed = picture_of(stairs)  # another model: nothing of the previous one is drawn
         with closing(RenderThread(files.put)) as fresh:
             assert np.abs(picture_of(stairs, fresh) - climbed).mean() < 1.0
         assert np.abs(climbed - alone).mean() > 5.0
@@ -83,7 +83,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[RenderTh
 
 
 def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up() -> None:
-    """By a clock on which nothing but sleep takes time, whatever else the machine does."""
+    """Only sleep takes time on the simulated clock, independent of the load of the machine."""
     now = 100.0
 
     def sleep(duration: float) -> None:

@@ -1,4 +1,4 @@
-"""A page can ask for what there is, rightly, and for nothing else."""
+"""A page can make valid requests only."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""Only this machine's own browsers, on the server's own page, reach it; what they send wrongly is refused."""
+"""Only browsers of this machine on the server's own page reach it; malformed requests are refused."""
 
 import http.client
 import socket
@@ -118,7 +118,7 @@ def test_a_page_that_sends_too_much_is_disconnected_and_the_others_go_on(server:
         bad.send("x" * (MAX_MESSAGE_SIZE + 1))
         with pytest.raises(ConnectionClosed):
             bad.recv(timeout=30)
-        good.send(b"\xff\x00")  # no text: not heard
+        good.send(b"\xff\x00")  # binary data is ignored
         good.send("still here")
         assert good.recv(timeout=30) == "heard still here"
 
@@ -164,6 +164,6 @@ def test_closing_it_frees_its_thread_and_its_port() -> None:
         server.close()
         with pytest.raises(ConnectionClosed):
             left.recv(timeout=30)
-    until(lambda: threading.active_count() <= before, "a thread is left")  # the client's ends when it is its turn
+    until(lambda: threading.active_count() <= before, "a thread is left")  # the client's thread ends later
     with pytest.raises(OSError):  # noqa: PT011
         socket.create_connection(("127.0.0.1", server.port), timeout=2)

@@ -99,9 +99,8 @@ COMPILERS = st.fixed_dictionaries(
 def test_every_option_of_the_compiler_is_kept(
     tmp_path: Path, compiler: dict[str, Any], degrees: bool, signs: tuple[int, int, int], zeros: tuple[float, ...]
 ) -> None:
-    assume(
-        compiler.get("inertiafromgeom") != "true" or "discardvisual" not in compiler
-    )  # MuJoCo refuses this combination
+    # MuJoCo refuses this combination.
+    assume(compiler.get("inertiafromgeom") != "true" or "discardvisual" not in compiler)
     made = Made(signs=signs, zeros=zeros, foot=SHIN + BALL, extra=TOWER)
     model = made.xml().replace(
         ' armature="0.01"', ' armature="0.01" stiffness="3" springref="0.1" actuatorfrcrange="-20 25"'

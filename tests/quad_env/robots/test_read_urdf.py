@@ -50,10 +50,8 @@ def urdf(root: str = "", calf: str = shape(BALL, "0 0 -0.22"), thigh: str = "", 
             above = name
         if foot:
             fixed = joint(f"{leg}_foot_joint", above, f"{leg}_foot", "0 0 -0.22")
-            parts += [
-                link(f"{leg}_foot", 4e-15, 2e-27, foot),
-                fixed,
-            ]  # SolidWorks writes such values for a link without mass
+            # SolidWorks exports a link without mass with these values.
+            parts += [link(f"{leg}_foot", 4e-15, 2e-27, foot), fixed]
     return f'<?xml version="1.0"?><robot name="made">{"".join(parts)}</robot>'
 
 

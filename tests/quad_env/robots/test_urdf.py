@@ -88,9 +88,8 @@ def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
         np.testing.assert_array_equal(servo.forcerange, torques)
         gains = SIMPLE_QUAD.servo_stiffness[0], SIMPLE_QUAD.servo_damping[0]
         assert (servo.gainprm[0], -servo.biasprm[2]) == gains
-    limits = (
-        ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
-    )  # speed limits; MuJoCo does not read them
+    # MuJoCo does not read the speed limits.
+    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 
 

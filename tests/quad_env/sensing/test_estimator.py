@@ -66,9 +66,7 @@ def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
 
 
 def test_a_leg_that_moves_under_a_turning_trunk_counts_from_the_middle_of_its_way() -> None:
-    """The velocity is that of the thigh and of the trunk about the foot at half of the motion,
-    0.25 m ahead and to the left.
-    """
+    """The velocity is that of thigh and trunk about the foot in the middle of the motion, at (0.25, 0.25) m."""
     one = np.array([[True, False, False, False]])
     along = by_legs(*moving(2.0, -2.0), standing=one)
     velocity = by_legs(*moving(2.0, -2.0), [[0.0, 0.0, 2.0]], one)
@@ -168,6 +166,5 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     turned = read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * two.gravity[1:], standing=NONE)
     before = two.gravity[1].copy()
     two.update(turned, rows[1:])
-    assert np.arccos(before @ two.gravity[1]) == pytest.approx(
-        0.005, abs=2e-4
-    )  # from rest, not from its rotation before the reset
+    # The rotation starts from rest, not from the angular velocity before the reset.
+    assert np.arccos(before @ two.gravity[1]) == pytest.approx(0.005, abs=2e-4)

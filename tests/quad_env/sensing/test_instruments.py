@@ -28,9 +28,7 @@ def env_of(suite: SensorSuite, robots: int = ROBOTS, scenario: Scenario | str = 
 
 
 def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.0) -> Iterator[tuple[dict, Any]]:
-    """Yield readings and MuJoCo's state of a robot that spins in the air, `spin` in its own
-    axes, rad/s, step by step.
-    """
+    """Yield readings and MuJoCo's state of a robot that spins in the air by `spin`, base frame, rad/s, step by step."""
     env = env_of(suite, 1)
     env.reset(seed=0)
     batch = env.simulation.batch

@@ -194,9 +194,7 @@ def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
 
 
 def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> None:
-    """The estimate of a standing robot is 1 m/s with a std of 3 mm/s: the contact sensors
-    raise the variance in 0.4 s.
-    """
+    """The estimate of a standing robot is 1 m/s with a std of 3 mm/s; contact sensors raise the variance in 0.4 s."""
     filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
     for _ in range(20):
         filter_.update(read(), robot)

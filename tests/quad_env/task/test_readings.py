@@ -95,9 +95,7 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
 
 
 def test_contacts_are_those_of_the_last_substep() -> None:
-    """With one substep a step, the state before the last substep is visible: MuJoCo's contacts
-    there equal the readings.
-    """
+    """With one substep a step, the state before the last substep is known: MuJoCo's contacts there are the readings."""
     simulation = Simulation(SIMPLE_QUAD, Scenario("made"), SimulationConfig(control_rate=500.0, has_meter=True))
     model = simulation.model
     rng = np.random.default_rng(0)

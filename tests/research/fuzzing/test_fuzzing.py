@@ -1,4 +1,4 @@
-"""Mutated files of every format end in a result or one line, with fixed seeds; `python -m research fuzz` goes on."""
+"""Mutated files of every format give a result or one line, for fixed seeds; `python -m research fuzz` runs more."""
 
 import json
 import subprocess
@@ -21,7 +21,7 @@ pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
 CASES = {"mjcf": 15, "urdf": 15, "bundle": 20, "onnx": 20, "mjlab": 30}
-"""Case counts of formats that take longer than others."""
+"""Format -> number of cases, for formats that take longer than others."""
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -34,7 +34,7 @@ def test_a_mutated_file_is_read_or_refused_in_one_line(name: str) -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_file_that_is_mutated_is_read(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else every mutation would be refused for another reason."""
+    """Otherwise every mutation would be refused for a reason of the original file."""
     monkeypatch.setattr(writers, "mutate_tree", lambda tree, *_: tree)
     monkeypatch.setattr(writers, "mutate_xml", lambda tree, *_: tree)
     monkeypatch.setattr(writers, "mutate_bytes", lambda content, *_: content)
@@ -71,13 +71,13 @@ def test_a_library_that_raises_a_value_error_is_found(monkeypatch: pytest.Monkey
 
 
 class _Process:
-    """Stands for a process that is asked for a case."""
+    """Replacement of the process that runs a case."""
 
     pid = 0
 
 
 class _Silent:
-    """Stands for a connection that says nothing."""
+    """Replacement of a connection without an answer."""
 
     def poll(self, _: float) -> bool:
         return False

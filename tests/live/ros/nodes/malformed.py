@@ -11,7 +11,7 @@ HOME = [0.0, 0.5, -1.0] * 4
 
 
 class Torn(Float64MultiArray):
-    """Says on the wire that it has more numbers than it has."""
+    """Message that announces more numbers than it contains."""
 
     def serialize(self, buffer: io.BytesIO) -> None:
         whole = io.BytesIO()
@@ -27,7 +27,7 @@ def publish(kind: type, *messages: object) -> None:
     for message in messages:
         publisher.publish(message)
         rospy.sleep(0.002)
-    rospy.sleep(0.1)  # messages leave in a thread of their own
+    rospy.sleep(0.1)  # another thread sends the messages
     publisher.unregister()
 
 

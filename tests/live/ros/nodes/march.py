@@ -1,4 +1,4 @@
-"""A node that only publishes joint targets at 100 Hz: `march.py TABLE.json [sim]`, by the wall's clock or by /clock."""
+"""Node that publishes joint targets at 100 Hz: `march.py TABLE.json [sim]`, by wall time or by /clock."""
 
 import json
 import sys

@@ -1,6 +1,6 @@
-"""A node of ROS 2 that marches and listens: `march_ros2.py TABLE.json SECONDS FILE`, which is as `listen.py` writes it.
+"""Node of ROS 2 that marches and listens: `march_ros2.py TABLE.json SECONDS FILE`, with the file format of `listen.py`.
 
-The seconds begin when it first hears something; it waits twice as long for that.
+The time starts with the first message; the node waits at most twice this time for it.
 """
 
 import json

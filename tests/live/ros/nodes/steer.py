@@ -1,4 +1,4 @@
-"""A node that publishes one velocity at 20 Hz for a second, and then asks for a new episode."""
+"""Node that publishes one velocity at 20 Hz for a second, and then requests a new episode."""
 
 import rospy
 from geometry_msgs.msg import Twist, Vector3
