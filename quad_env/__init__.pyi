@@ -9,6 +9,7 @@ from quad_env.config import FALL_RULE as FALL_RULE
 from quad_env.config import AnyPose as AnyPose
 from quad_env.config import CommandRanges as CommandRanges
 from quad_env.config import FallRule as FallRule
+from quad_env.config import PhysicsOptions as PhysicsOptions
 from quad_env.config import RewardWeights as RewardWeights
 from quad_env.config import StartNoise as StartNoise
 from quad_env.config import TaskConfig as TaskConfig
@@ -29,6 +30,7 @@ from quad_env.scenarios.axes import AXES as AXES
 from quad_env.scenarios.axes import Axis as Axis
 from quad_env.scenarios.disturbances import Dropouts as Dropouts
 from quad_env.scenarios.disturbances import Ground as Ground
+from quad_env.scenarios.disturbances import Kicks as Kicks
 from quad_env.scenarios.disturbances import Latency as Latency
 from quad_env.scenarios.disturbances import Motors as Motors
 from quad_env.scenarios.disturbances import Payload as Payload

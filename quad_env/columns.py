@@ -117,6 +117,11 @@ def exp(x: ScalarOrBatch) -> ScalarOrBatch:
     return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
 
 
+def sin(x: ScalarOrBatch) -> ScalarOrBatch:
+    """Return the sine of `x`, rad; NumPy computes it for floats too, as for `exp`."""
+    return float(np.sin(x)) if isinstance(x, float) else np.sin(x)
+
+
 def clip(x: ScalarOrBatch, low: float, high: float) -> ScalarOrBatch:
     """Return `x`, a float or an array (n,), limited to the range from `low` to `high`."""
     return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)

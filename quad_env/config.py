@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
@@ -113,7 +113,18 @@ class CommandRanges(Settings):
     zero_fraction: Fraction = 0.1
     """Probability that a draw gives the zero command"""
     interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
-    """Time between draws, s"""
+    """Time between draws, s; the mean time if `random_intervals` is True"""
+    random_intervals: bool = False
+    """True to draw the time between two draws from an exponential distribution"""
+    on_probability: tuple[Fraction, Fraction, Fraction] = (1.0, 1.0, 1.0)
+    """Probability that a component is drawn and not zero: forward velocity, lateral velocity, yaw rate"""
+    keep_probability: Fraction = 0.0
+    """Probability that a component keeps its value in a draw after the first"""
+
+    @property
+    def draws_components(self) -> bool:
+        """True if components can be zero or keep their values independently of each other."""
+        return self.keep_probability > 0.0 or self.on_probability != (1.0, 1.0, 1.0)
 
     def steps(self, dt: float) -> int:
         """Return the number of control steps for which a command is kept; `dt` is the control period, s."""
@@ -245,7 +256,26 @@ class RewardWeights(Settings):
     mechanical_power: float = 0.0
     foot_air_time: float = 0.0
     touchdown_speed: float = 0.0
+    gait: float = 0.0
+    pose: float = 0.0
+    stand_still: float = 0.0
+    joint_limits: float = 0.0
+    foot_slip: float = 0.0
+    foot_clearance: float = 0.0
     fall: float = -1.0
+
+
+@dataclass(frozen=True)
+class PhysicsOptions(Settings):
+    """Simplifications of the physics that make training faster; none by default."""
+
+    contacts: Literal["all", "feet-trunk", "feet"] = "all"
+    """Geoms of the robot that collide: all, feet and trunk, or feet alone. In the last case a fall is seen by tilt and
+    height of the trunk"""
+    cone: Literal["model", "pyramidal", "elliptic"] = "model"
+    """Friction cone of the contacts; model: the cone of the robot's MJCF"""
+    joint_friction: Literal["model", "none"] = "model"
+    """none: remove the dry friction of the joints, which is one constraint of the solver per joint"""
 
 
 @dataclass(frozen=True)
@@ -258,5 +288,6 @@ class TaskConfig(Settings):
     """Step of the physics and the joint servos, s; None for the value in the MJCF of the robot"""
     solver_iterations: Annotated[int, Bounds("at least 1", 1)] | None = None
     """Maximum iterations of the contact solver per physics step; None for the value in the MJCF of the robot"""
+    physics: PhysicsOptions = field(default_factory=PhysicsOptions)
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)

@@ -283,18 +283,28 @@ class EpisodeRecorder:
         np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=has_failed)
 
     def episodes(self) -> Episodes:
-        """Return the recorded episodes; signals are zero in control steps that were not simulated."""
+        """Return the recorded episodes; signals are zero in control steps that were not simulated.
+
+        Returns:
+            The recorded signals.
+
+        Raises:
+            ValueError: The scenario has kicks or random command intervals, which no measure covers.
+        """
         env = self._env
         falls = self.falls
         meter = env.simulation.meter
         assert meter is not None, "an environment without readings"
+        push_steps = env.pushes.steps
+        if not isinstance(push_steps, int) or env.scenario.commands.random_intervals:
+            raise ValueError(f"scenario {env.scenario.name}: kicks and random command intervals are for training only")
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,
             **dict.fromkeys((*POLICY_SIGNALS, OBSERVED_SIGNAL)) | self._signals,  # type: ignore[arg-type]
             push_step=env.pushes.first_step.copy(),
-            push_impulse=env.pushes.force * (env.pushes.steps * env.dt),
-            push_steps=env.pushes.steps,
+            push_impulse=env.pushes.force * (push_steps * env.dt),
+            push_steps=push_steps,
             fall_step=falls.step,
             fall_reason=falls.reason,
             divergence_step=falls.divergence_step,

@@ -43,7 +43,7 @@ from quad_env.sensing.observation import make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_json_values
 from quad_env.task.observations import ObservationTerm, user_terms
-from quad_env.task.rewards import reward_terms, step_weights, user_rewards
+from quad_env.task.rewards import FOOT_TERMS, reward_terms, step_weights, user_rewards
 from quad_env.task.terminations import fall_reason_code
 
 
@@ -184,6 +184,7 @@ class QuadEnvBase:
             control_rate=self.config.control_rate,
             timestep=self.config.timestep,
             solver_iterations=self.config.solver_iterations,
+            physics=self.config.physics,
             simulator=options.simulator,
             actuator=equipment.actuator,
             servo_gains=servo_gains,
@@ -208,7 +209,7 @@ class QuadEnvBase:
         self._reward_keys = (*self._reward_weights, *self._user_rewards)
         """Keys in the infos of all reward terms, `reward_<name>`; the reward is the sum of these terms."""
         self._user_terms = user_terms(options.observations)
-        has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
+        has_weighted_feet = any(getattr(weights, name) != 0.0 for name in FOOT_TERMS)
         self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
 
     def _build_episodes(self, options: EnvOptions, equipment: Equipment, num_envs: int) -> None:

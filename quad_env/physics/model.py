@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator, ResolvedTorqueSpeed, min_limit
 from quad_env.columns import Array
-from quad_env.config import GRAVITY
+from quad_env.config import GRAVITY, PhysicsOptions
 from quad_env.robots.model_file import log_to_console
 from quad_env.robots.part_names import foot_geoms, names_of_part
 from quad_env.robots.robot import Robot
@@ -28,6 +28,8 @@ _TERRAIN = "terrain"
 """Name of the height field in the MuJoCo model, and first part of the names of the stairs' geoms."""
 _FLOOR_DEPTH = 1.0
 """Thickness of the solid ground below a height field or below a step of stairs, m."""
+NO_SIMPLIFICATION = PhysicsOptions()
+"""Options that leave the physics as the model has it."""
 
 
 def compile_model(
@@ -36,6 +38,7 @@ def compile_model(
     actuator: Actuator = ACTUATORS["ideal"],
     timestep: float | None = None,
     solver_iterations: int | None = None,
+    options: PhysicsOptions = NO_SIMPLIFICATION,
 ) -> mujoco.MjModel:
     """Compile the MuJoCo model of a robot in a scenario.
 
@@ -45,6 +48,7 @@ def compile_model(
         actuator: Model of the joint servos.
         timestep: Physics step, s; None for the value in the MJCF.
         solver_iterations: Maximum contact-solver iterations per physics step; None for the value in the MJCF.
+        options: Simplifications of the physics.
 
     Returns:
         The compiled model.
@@ -62,7 +66,24 @@ def compile_model(
     model.jnt_actfrclimited[:] = False  # because only the motors limit the torque, at any strength
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
+    if options != NO_SIMPLIFICATION:
+        _simplify(model, options, robot)
     return model
+
+
+def _simplify(model: mujoco.MjModel, options: PhysicsOptions, robot: Robot) -> None:
+    """Remove contacts and joint friction, and set the friction cone; explicit pairs of geoms stay."""
+    if options.cone != "model":
+        model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{options.cone.upper()}")
+    if options.joint_friction == "none":
+        model.dof_frictionloss[:] = 0.0
+    if options.contacts != "all":
+        keeps_contact = model.geom_bodyid == 0
+        keeps_contact[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = True
+        if options.contacts == "feet-trunk":
+            keeps_contact |= np.isin(model.geom_bodyid, welded_bodies(model, model.body("base_link").id))
+        model.geom_contype[~keeps_contact] = 0
+        model.geom_conaffinity[~keeps_contact] = 0
 
 
 def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
@@ -124,6 +145,7 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Return the corners of the boxes around the trunk's collision geoms, base frame, (k, 3), m.
 
     Geoms of bodies that are welded to the trunk are included. The corners show how high the trunk must be above ground.
+    The only corner is the centre of the trunk if no geom of the trunk collides, see `PhysicsOptions`.
     """
     data = mujoco.MjData(model)
     root = model.body("base_link").id
@@ -135,7 +157,7 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
             offset = data.xpos[body] - data.xpos[root]
             corners_world = box_corners(model, geom) @ data.xmat[body].reshape(3, 3).T + offset
             corners.append(corners_world @ rotation)
-    return np.concatenate(corners)
+    return np.concatenate(corners or [np.zeros((1, 3))])
 
 
 def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:

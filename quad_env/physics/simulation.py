@@ -26,10 +26,12 @@ from quad_env.columns import (
     ordered_sum,
     to_components,
 )
+from quad_env.config import PhysicsOptions
 from quad_env.physics.batch import make_batch
 from quad_env.physics.energy import MotorMeter, touch_sensors
 from quad_env.physics.footsteps import FootContactTracker, touching
 from quad_env.physics.model import (
+    NO_SIMPLIFICATION,
     PAYLOAD,
     Mounting,
     compile_model,
@@ -79,6 +81,8 @@ class SimulationConfig:
     """Physics step, s; None for the value in the MJCF."""
     solver_iterations: int | None = None
     """Maximum contact-solver iterations per physics step; None for the value in the MJCF."""
+    physics: PhysicsOptions = NO_SIMPLIFICATION
+    """Simplifications of the physics."""
     simulator: str = MUJOCO
     """Name of the physics engine: `mujoco`, `drake` or `warp`; see `quad_env.physics.simulators`."""
     actuator: Actuator = ACTUATORS["ideal"]
@@ -136,7 +140,9 @@ class Simulation:
         )
         self.robot = robot
         self.terrain = scenario.terrain
-        self.model = compile_model(robot, scenario, config.actuator, config.timestep, config.solver_iterations)
+        self.model = compile_model(
+            robot, scenario, config.actuator, config.timestep, config.solver_iterations, config.physics
+        )
         """Compiled MuJoCo model of the robots, with fields that may differ between robots.
 
         These fields are the payload position, the torque limits of hot motors, and randomised parameters. In this model
@@ -182,6 +188,17 @@ class Simulation:
         """Torques of the joint servos in the last physics step, (n, 12), N·m."""
         self._action = np.tile(self.robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
+        self.leg_phase: Array | None = None
+        """Phase of each leg in the gait clock of the learner, (n, 4), rad, see `QuadState`; None without a clock.
+
+        The simulation has no clock. A learner with one sets the array before each step, for the reward term `gait`.
+        """
+        self._robot_constants = {
+            "home_pose": self.robot.home_pose.tolist(),
+            "joint_lower": self.robot.joint_lower.tolist(),
+            "joint_upper": self.robot.joint_upper.tolist(),
+        }
+        """Field of `QuadState` -> parameter of the robot, (12)."""
 
     def _bind_sensors(self, config: SimulationConfig) -> None:
         """Create the meter of motors and foot forces, and the noise-free sensors, if the options request them."""
@@ -220,7 +237,9 @@ class Simulation:
         self._footsteps = None
         if config.tracks_footsteps:
             period = 1 / config.control_rate
-            self._footsteps = FootContactTracker(period, self._foot_contacts, self._site_positions, self._feet)
+            self._footsteps = FootContactTracker(
+                period, self._foot_contacts, self._site_positions, self._feet, self.terrain, robot.foot_radius
+            )
 
     def _compute_spawn_clearance(self) -> float:
         """Return the height above the home height at which robots start before they are put on the ground, m."""
@@ -501,6 +520,11 @@ class Simulation:
             previous_action=components(self._previous_action),
             swing_time=None if self._footsteps is None else components(self._footsteps.swing_time),
             touchdown_speed=None if self._footsteps is None else components(self._footsteps.touchdown_speed),
+            foot_contact=None if self._footsteps is None else component_reader(env_ids)(self._footsteps.contact),
+            foot_height=None if self._footsteps is None else components(self._footsteps.clearance),
+            foot_speed=None if self._footsteps is None else components(self._footsteps.speed),
+            leg_phase=None if self.leg_phase is None else components(self.leg_phase),
+            **self._robot_constants,
         )
 
     @property

@@ -1,6 +1,7 @@
 """State of one robot or of n robots: positions, velocities and torques in the frames of the task."""
 
-from typing import Generic, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Generic, NamedTuple
 
 from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, sqrt, sum_of_magnitudes, where
 
@@ -59,6 +60,23 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
     The value is 0 for feet that did not touch down. None if no reward or observation term needs touchdown speeds.
     """
+    foot_contact: Sequence[Any] | None = None
+    """True for each foot on the ground in the last physics step, (4). None if no term needs it."""
+    foot_height: Components[ScalarOrBatch] | None = None
+    """Height of the underside of each foot above the terrain below it, (4), m. None if no term needs it."""
+    foot_speed: Components[ScalarOrBatch] | None = None
+    """Horizontal speed of each foot over the last control step, world frame, (4), m/s. None if no term needs it."""
+    leg_phase: Components[ScalarOrBatch] | None = None
+    """Phase of each leg in the gait clock of the learner, (4), rad; the leg swings from 0 to π and stands from π to 2π.
+
+    None if there is no clock, see `Simulation.leg_phase`.
+    """
+    home_pose: Sequence[float] = ()
+    """Joint angles of the home pose, (12), rad."""
+    joint_lower: Sequence[float] = ()
+    """Lower joint limits, (12), rad."""
+    joint_upper: Sequence[float] = ()
+    """Upper joint limits, (12), rad."""
 
     @property
     def projected_gravity(self) -> Components[ScalarOrBatch]:

@@ -43,6 +43,23 @@ class Pushes(Settings):
 
 
 @dataclass(frozen=True)
+class Kicks(Settings):
+    """Short strong horizontal forces on the trunk's centre throughout an episode, each of another strength.
+
+    Training uses them to show every robot of a batch all strengths of a push.
+    """
+
+    speed: NonNegative = 1.0
+    """Largest velocity change of the robot by a kick, uniform from 0, m/s"""
+    duration: tuple[Positive, Positive] = (0.05, 0.2)
+    """Shortest and longest duration of a kick, s"""
+    interval: tuple[Positive, Positive] = (1.0, 3.0)
+    """Shortest and longest time from the start of a kick to the next, s"""
+    count: int = 10
+    """Number of kicks from the start of an episode"""
+
+
+@dataclass(frozen=True)
 class SteadyForce(Settings):
     """Constant horizontal force on the trunk's centre in a random direction, for example wind."""
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Dropouts, Pushes, SteadyForce
+from quad_env.scenarios.disturbances import Dropouts, Kicks, Pushes, SteadyForce
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
@@ -21,13 +21,13 @@ from quad_env.seeding import EpisodeStreams
 class PushPlan:
     """Pushes (force pulses on the trunk) of one episode, or of n episodes.
 
-    For n episodes the arrays have a first axis of length n. The pushes of an episode never overlap.
+    For n episodes the arrays have a first axis of length n. Kicks may overlap pushes; the forces add up.
     """
 
     first_step: NDArray[np.int64]
     """Control step in which each push begins, counted from 0 at the start of the episode, (…, count)."""
-    steps: int
-    """Duration of each push, control steps; 0 if there are no pushes."""
+    steps: int | NDArray[np.int64]
+    """Duration of each push, control steps: one number for all, 0 if there are no pushes, or (…, count)."""
     force: Array
     """Force of each push, world frame, x and y, (…, count, 2), N."""
 
@@ -36,7 +36,7 @@ class PushPlan:
 
         `step` is the control step of each robot's episode, (n,). The result is None if there are no pushes.
         """
-        if not self.steps:
+        if isinstance(self.steps, int) and not self.steps:
             return None
         steps_since_start = np.asarray(step)[..., None] - self.first_step
         is_acting = (steps_since_start >= 0) & (steps_since_start < self.steps)
@@ -76,6 +76,8 @@ class EpisodeSample:
         if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
             self.start[:2] += terrain.start
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
+        if scenario.kicks is not None:
+            self.pushes = _add_kicks(self.pushes, scenario.kicks, robot.mass, self.streams.pushes, dt)
         self.force = None if scenario.force is None else _draw_force(scenario.force, self.streams.force)
         self.payload_position: Array | None = None
         if (payload := scenario.payload) is not None:
@@ -93,17 +95,36 @@ class EpisodeSample:
             self.friction *= self.randomised.friction
             self.action_delay += round(self.randomised.delay / dt)
 
-    def next_command(self) -> Array:
+    def next_command(self, present: Array | None = None) -> Array:
         """Draw the command of the next command interval, (3,): forward and lateral m/s, yaw rate rad/s.
 
-        Every call takes four numbers from the random stream, also if it returns a zero command. Later commands
-        therefore do not depend on the number of zero commands.
+        Every call takes the same number of values from the random stream, also if it returns a zero command. Later
+        commands therefore do not depend on the number of zero commands.
+
+        Args:
+            present: Present command, (3,), with components that may be kept; None for the first command.
+
+        Returns:
+            The command.
         """
         ranges = self._scenario.commands
         zero_draw, *unit_draws = self.streams.commands.random(4)
         low, high = np.transpose((ranges.forward, ranges.lateral, ranges.yaw_rate))
         is_zero = zero_draw < ranges.zero_fraction
-        return np.zeros(3) if is_zero else low + (high - low) * np.asarray(unit_draws)
+        command = low + (high - low) * np.asarray(unit_draws)
+        if ranges.draws_components:
+            draws = self.streams.commands.random((2, 3))
+            command = np.where(draws[0] < ranges.on_probability, command, 0.0)
+            if present is not None:
+                command = np.where(draws[1] < ranges.keep_probability, present, command)
+        return np.zeros(3) if is_zero else command
+
+    def next_interval(self, dt: float) -> int:
+        """Draw the number of control steps of period `dt`, s, until the next command; at least 1."""
+        ranges = self._scenario.commands
+        if not ranges.random_intervals:
+            return ranges.steps(dt)
+        return control_steps(float(self.streams.commands.exponential(ranges.interval)), dt)
 
 
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
@@ -163,6 +184,31 @@ def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) 
     angle = stream.uniform(-np.pi, np.pi, pushes.count)
     force = pushes.impulse / (steps * dt) * np.stack((np.cos(angle), np.sin(angle)), axis=1)
     return PushPlan(first_step, steps, force)
+
+
+def _add_kicks(plan: PushPlan, kicks: Kicks, mass: float, stream: np.random.Generator, dt: float) -> PushPlan:
+    """Draw the kicks of an episode, and add them to the pushes of a plan.
+
+    Args:
+        plan: Pushes of the episode.
+        kicks: Distribution of the kicks.
+        mass: Mass of the robot, kg.
+        stream: Random stream of the pushes.
+        dt: Control period, s.
+
+    Returns:
+        The plan with pushes and kicks.
+    """
+    first_step = np.floor(np.cumsum(stream.uniform(*kicks.interval, kicks.count)) / dt).astype(np.int64)
+    steps = np.maximum(np.round(stream.uniform(*kicks.duration, kicks.count) / dt), 1).astype(np.int64)
+    angle = stream.uniform(-np.pi, np.pi, kicks.count)
+    size = mass * stream.uniform(0.0, kicks.speed, kicks.count) / (steps * dt)
+    force = size[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    return PushPlan(
+        np.concatenate((plan.first_step, first_step)),
+        np.concatenate((np.full(len(plan.first_step), plan.steps), steps)),
+        np.concatenate((plan.force, force)),
+    )
 
 
 def _draw_force(steady: SteadyForce, stream: np.random.Generator) -> Array:

@@ -9,7 +9,17 @@ from quad_env.config import AnyPose, CommandRanges, Settings, StartNoise
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scale_factor
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.disturbances import (
+    Dropouts,
+    Ground,
+    Kicks,
+    Latency,
+    Motors,
+    Payload,
+    Pushes,
+    SensorNoise,
+    SteadyForce,
+)
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
@@ -57,6 +67,8 @@ class Scenario(Settings):
     """Ranges of robot and ground properties that are drawn at random for each episode; None for fixed properties."""
     scan_lost: bool = False
     """True if the height scan fails: every point of the scan reads -2 m, the value of unseen ground."""
+    kicks: Kicks | None = None
+    """Kicks, forces on the trunk for the training; None for none."""
 
     @property
     def suffix(self) -> str:
@@ -126,12 +138,14 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         return scenario
     factor = partial(scale_factor, robot)
     pushes = scenario.pushes
+    kicks = scenario.kicks
     force = scenario.force
     return replace(
         scenario,
         terrain=_scaled_terrain(scenario.terrain, factor("m")),
         commands=scenario.commands.scaled(factor("m/s"), factor("rad/s")),
         pushes=pushes and replace(pushes, impulse=factor("N·s") * pushes.impulse),
+        kicks=kicks and replace(kicks, speed=factor("m/s") * kicks.speed),
         force=force and replace(force, force=factor("N") * force.force),
         ground=replace(scenario.ground, sink_depth=factor("m") * scenario.ground.sink_depth),
         motors=_scaled_motors(scenario.motors, robot),

@@ -11,6 +11,9 @@ from quad_env.scenarios.episode import EpisodeSample, PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import assign_seeds, fresh_seeds
 
+_NEVER = np.iinfo(np.int64).max
+"""Control step that no episode reaches."""
+
 
 class EpisodeSchedule:
     """Schedule of the episodes of n robots: starts episodes and supplies commands and pushes of each step.
@@ -34,17 +37,16 @@ class EpisodeSchedule:
         self._robot = robot
         self._scenario = scenario
         self._dt = dt
-        self._interval = scenario.commands.steps(dt)
         self._seeds = fresh_seeds(num_envs)
         self._next_number = [0] * num_envs
         self._episodes = [EpisodeSample(robot, scenario, 0, 0, dt)] * num_envs
         plan = self._episodes[0].pushes
-        self.pushes = PushPlan(
-            np.tile(plan.first_step, (num_envs, 1)), plan.steps, np.tile(plan.force, (num_envs, 1, 1))
-        )
+        steps = plan.steps if isinstance(plan.steps, int) else np.tile(plan.steps, (num_envs, 1))
+        self.pushes = PushPlan(np.tile(plan.first_step, (num_envs, 1)), steps, np.tile(plan.force, (num_envs, 1, 1)))
         self.step_count = np.zeros(num_envs, np.int64)
         self.command = np.zeros((num_envs, 3))
-        self._has_fixed_command = np.zeros(num_envs, bool)
+        self._next_command_step = np.full(num_envs, _NEVER)
+        """Control step at which each robot gets a new command, (n,); `_NEVER` for a fixed command."""
         self._manual_force: Array | None = None
         """Force on each trunk, set by the last call of `apply_push`, world frame, x and y, (n, 2), N; None before."""
         self._manual_push_end = np.zeros(num_envs, np.int64)
@@ -82,9 +84,11 @@ class EpisodeSchedule:
             self._next_number[i] += 1
             self.pushes.first_step[i] = episode.pushes.first_step
             self.pushes.force[i] = episode.pushes.force
+            if not isinstance(self.pushes.steps, int):
+                self.pushes.steps[i] = episode.pushes.steps
             self.command[i] = episode.next_command() if fixed_command is None else fixed_command[i]
+            self._next_command_step[i] = episode.next_interval(self._dt) if fixed_command is None else _NEVER
         self.step_count[env_ids] = 0
-        self._has_fixed_command[env_ids] = fixed_command is not None
         self._manual_push_end[env_ids] = 0
         return [self._episodes[i] for i in env_ids]
 
@@ -93,11 +97,11 @@ class EpisodeSchedule:
 
         The length of the interval is `CommandRanges.interval`, s. Robots with a fixed command keep this command.
         """
-        begins_interval = self.step_count[env_ids] % self._interval == 0
-        if np.count_nonzero(begins_interval):
-            is_due = begins_interval & ~self._has_fixed_command[env_ids]
+        is_due = self.step_count[env_ids] >= self._next_command_step[env_ids]
+        if np.count_nonzero(is_due):
             for i in np.arange(len(self.step_count))[env_ids][is_due]:
-                self.command[i] = self._episodes[i].next_command()
+                self.command[i] = self._episodes[i].next_command(self.command[i])
+                self._next_command_step[i] = self.step_count[i] + self._episodes[i].next_interval(self._dt)
 
     def fix_commands(self, commands: Array) -> None:
         """Set the velocity commands of all robots, (n, 3), until the end of their episodes.
@@ -106,7 +110,7 @@ class EpisodeSchedule:
         commands are drawn.
         """
         self.command[:] = commands
-        self._has_fixed_command[:] = True
+        self._next_command_step[:] = _NEVER
 
     def apply_push(self, forces: Array, steps: int) -> None:
         """Push the trunks from the next control step on, in addition to the planned pushes of the scenario.

@@ -5,7 +5,7 @@ usual exponential form. Their exponent contains the error e instead of e², beca
 gradient.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, cast
 
@@ -13,11 +13,14 @@ import numpy as np
 
 from quad_env.columns import (
     BoolOrMask,
+    Components,
     ScalarOrBatch,
     any_true,
+    clip,
     differences,
     exp,
     ordered_sum,
+    sin,
     sqrt,
     sum_of_squares,
     where,
@@ -39,6 +42,18 @@ MIN_HEIGHT_FRACTION = 0.85
 """Trunk height below which the term `crouch` is above 0, as a fraction of the trunk height in the home pose."""
 MAX_STAND_COMMAND = 0.1
 """Largest norm of a velocity command (forward m/s, lateral m/s, yaw rate rad/s) that means "stand still"."""
+SWING_HEIGHT_FRACTION = 0.2
+"""Height of the underside of a foot at mid-swing, as a fraction of the home trunk height; 0.06 m for go1."""
+MAX_SWING_HEIGHT_RATIO = 1.25
+"""Height of a swing foot above which the gait reward falls again, relative to the height at mid-swing."""
+SWING_HEIGHT_WIDTH_RATIO = 0.6
+"""Height error at which the gait reward of a swing foot is 1/e, relative to the height at mid-swing."""
+SLIP_SCALE = 0.05
+"""Squared horizontal foot speed at which the gait reward of a stance foot is 1/e, (m/s)²."""
+POSE_WEIGHTS = (1.0, 1.0, 0.1)
+"""Weights of hip, thigh and calf in the pose reward, 1/rad²; swinging legs bend the knees most."""
+SOFT_LIMIT_FRACTION = 0.95
+"""Central fraction of a joint's range in which the term `joint_limits` is zero."""
 
 
 def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
@@ -140,6 +155,101 @@ def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
+def is_stand_command(state: QuadState[ScalarOrBatch]) -> Any:
+    """Return True for robots that are commanded to stand: all components of the command are zero."""
+    return sum_of_squares(state.command) == 0.0
+
+
+def gait(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return the mean over the feet, 0 to 1, of the agreement between foot motion and gait clock.
+
+    A leg with a positive sine of its phase has to swing, at a height in proportion to the sine; the others have to
+    stand without slip. All feet have to stand if the command is zero. The term is 0 without a clock.
+    """
+    if state.leg_phase is None or state.foot_contact is None:
+        return 0.0 * abs(state.height)
+    moves = where(is_stand_command(state), 0.0, 1.0)
+    feet = zip(state.leg_phase, state.foot_contact, _heights(state), _speeds(state), strict=True)
+    total: ScalarOrBatch = ordered_sum(
+        _foot_agreement(moves * sin(phase), moves, contact, height, speed) for phase, contact, height, speed in feet
+    )
+    return total / 4.0
+
+
+def _foot_agreement(sine: Any, moves: Any, contact: Any, height: Any, speed: Any) -> Any:
+    """Return the agreement of a foot with the clock, 0 to 1, from the `sine` of its phase and its motion.
+
+    `height` is relative to the mid-swing height, `moves` is 0 for a robot that has to stand and 1 for others.
+    """
+    too_low = where(height < sine, sine - height, 0.0)
+    too_high = where(height > MAX_SWING_HEIGHT_RATIO, height - MAX_SWING_HEIGHT_RATIO, 0.0)
+    errors = (too_low * too_low + too_high * too_high) / SWING_HEIGHT_WIDTH_RATIO**2
+    swing = where(contact, 0.0, exp(-errors))
+    stance = where(contact, exp(-(speed * speed) / SLIP_SCALE), 0.0)
+    share = moves * clip(0.5 + sine, 0.0, 1.0)
+    return share * swing + (1.0 - share) * stance
+
+
+def _heights(state: QuadState[ScalarOrBatch]) -> list[ScalarOrBatch]:
+    """Return the heights of the feet above the terrain, relative to the height at mid-swing."""
+    scale = SWING_HEIGHT_FRACTION * state.standing_height
+    return [height / scale for height in state.foot_height or ()]
+
+
+def _speeds(state: QuadState[ScalarOrBatch]) -> Components[ScalarOrBatch]:
+    """Return the horizontal speeds of the feet, m/s; empty if the simulation does not track them."""
+    return () if state.foot_speed is None else state.foot_speed
+
+
+def pose(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return exp(-Σ w e²) of the deviation e of the joints from the home pose, with the weights `POSE_WEIGHTS`."""
+    deviations = differences(state.joint_position, state.home_pose)
+    weighted: Iterable[ScalarOrBatch] = (w * e * e for w, e in zip(POSE_WEIGHTS * 4, deviations, strict=True))
+    return exp(-ordered_sum(weighted))
+
+
+def stand_still(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return Σ ‖e‖ of the joints' deviation e from the home pose, rad, if the command is zero; otherwise 0.
+
+    See legged_gym (Rudin et al. 2022, `_reward_stand_still`).
+    """
+    deviation: ScalarOrBatch = ordered_sum(map(abs, differences(state.joint_position, state.home_pose)))
+    return cast("ScalarOrBatch", where(is_stand_command(state), deviation, 0.0))
+
+
+def joint_limits(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return how far the joints are outside of the central `SOFT_LIMIT_FRACTION` of their range, rad, summed."""
+    joints = zip(state.joint_position, state.joint_lower, state.joint_upper, strict=True)
+    excess: Iterable[ScalarOrBatch] = (
+        abs(angle - (lower + upper) / 2.0) - SOFT_LIMIT_FRACTION * (upper - lower) / 2.0
+        for angle, lower, upper in joints
+    )
+    total: ScalarOrBatch = ordered_sum(where(value > 0.0, value, 0.0) for value in excess)
+    return total
+
+
+def foot_slip(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return Σ (horizontal speed)² over the feet in contact, (m/s)²; 0 if the simulation does not track feet."""
+    if state.foot_contact is None or state.foot_speed is None:
+        return 0.0 * abs(state.height)
+    feet = zip(state.foot_contact, state.foot_speed, strict=True)
+    total: ScalarOrBatch = ordered_sum(where(contact, speed * speed, 0.0) for contact, speed in feet)
+    return total
+
+
+def foot_clearance(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return Σ (height error)² · (horizontal speed) over the feet, m²·m/s; 0 if the simulation does not track feet.
+
+    The height error is relative to the mid-swing height, `SWING_HEIGHT_FRACTION` of the home height.
+    """
+    if state.foot_height is None or state.foot_speed is None:
+        return 0.0 * abs(state.height)
+    target = SWING_HEIGHT_FRACTION * state.standing_height
+    feet = zip(state.foot_height, state.foot_speed, strict=True)
+    total: ScalarOrBatch = ordered_sum((height - target) * (height - target) * speed for height, speed in feet)
+    return total
+
+
 RewardFunction = Callable[[QuadState[Any]], Any]
 """Function of a `QuadState` that returns an unweighted reward term: a float for one robot, or an array (n,)."""
 REWARD = "reward_"
@@ -158,6 +268,12 @@ FUNCTIONS: tuple[RewardFunction, ...] = (
     mechanical_power,
     foot_air_time,
     touchdown_speed,
+    gait,
+    pose,
+    stand_still,
+    joint_limits,
+    foot_slip,
+    foot_clearance,
 )
 """Functions of the built-in reward terms; a function and its weight in `RewardWeights` have the same name."""
 _FUNCTION_OF: dict[str, RewardFunction] = {function.__name__: function for function in FUNCTIONS}
@@ -167,10 +283,14 @@ TERMS: dict[str, RewardFunction] = {
 """Key of each built-in reward term in the infos -> function; the term `fall`, which has no function, is absent."""
 FALL = f"{REWARD}fall"
 """Key of the reward term `fall` in the infos, which penalises a fall or diverged simulation that ends an episode."""
+FOOT_TERMS = ("foot_air_time", "touchdown_speed", "gait", "foot_slip", "foot_clearance")
+"""Names of the terms that need contacts and motion of the feet."""
+OPTIONAL_TERMS = ("gait", "pose", "stand_still", "joint_limits", "foot_slip", "foot_clearance")
+"""Names of the terms that are left out, also in the infos, if their weight is 0."""
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Compute the factor on each built-in reward term in one control step.
+    """Compute the factor on each built-in reward term in one control step, without optional terms of weight 0.
 
     The weights are rewards per second, so they are multiplied by the control period. The weight of `fall` is not
     multiplied, because a fall counts once.
@@ -182,7 +302,8 @@ def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
     Returns:
         Key of each reward term in the infos -> factor, in the order of `reward_terms`.
     """
-    rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
+    used = {name: weight for name, weight in asdict(weights).items() if weight != 0.0 or name not in OPTIONAL_TERMS}
+    rates = {f"{REWARD}{name}": weight for name, weight in used.items()}
     fall = rates.pop(FALL)
     return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
 
@@ -201,7 +322,7 @@ def reward_terms(
     Returns:
         Key of each term in the infos -> weighted value, a float for one robot or an array (n,).
     """
-    terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
+    terms = {key: weights[key] * term(state) for key, term in TERMS.items() if key in weights}
     if any_true(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(terminated, 1.0, 0.0)

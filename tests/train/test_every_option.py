@@ -205,11 +205,15 @@ def test_an_option_reaches_what_it_governs(option: str, ran: Ran) -> None:
     assert read(ran) == expected
 
 
+NEEDY = {"gait", "stand_still"}
+"""Terms that need a clock, or a command to stand; test_rewards.py and test_residual_env.py have them."""
+
+
 def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
-    """The falls are the same: first all terms have weight 1, then each term has twice the weight of the previous."""
-    terms = tuple(field.name for field in dataclasses.fields(RewardWeights))
+    """The falls are the same: first all terms have weight 1, then each term has √2 times the weight of the previous."""
+    terms = tuple(field.name for field in dataclasses.fields(RewardWeights) if field.name not in NEEDY)
     found = []
-    for weights in (np.ones(len(terms)), 2.0 ** np.arange(len(terms))):
+    for weights in (np.ones(len(terms)), 2.0 ** (0.5 * np.arange(len(terms)))):
         words = [f"--rewards.{name}={weight}" for name, weight in zip(terms, weights, strict=True)]
         robots: Any = make_env(
             parse([*SMALL.split(), "--mixture", "flat", "1", "--effort-ramp", "0", *words])
@@ -222,7 +226,7 @@ def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
             sums += [infos[f"reward_{name}"].sum() for name in terms]
         found.append(sums)
     assert found[0].all(), "or this shows nothing"
-    np.testing.assert_allclose(found[1], found[0] * 2.0 ** np.arange(len(terms)), rtol=1e-6)
+    np.testing.assert_allclose(found[1], found[0] * 2.0 ** (0.5 * np.arange(len(terms))), rtol=1e-6)
 
 
 def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_path: Path) -> None:

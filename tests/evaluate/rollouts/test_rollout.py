@@ -61,6 +61,14 @@ def test_a_record_knows_what_its_scenario_gave() -> None:
     assert weak.speed_limit == (weak.robot.rated_speed,) * 12
 
 
+@pytest.mark.parametrize(
+    "change", [{"kicks": quad_env.Kicks()}, {"commands": quad_env.CommandRanges(random_intervals=True)}]
+)
+def test_a_scenario_of_the_training_alone_is_no_record(change: dict) -> None:
+    with pytest.raises(ValueError, match="scenario push: kicks and random command intervals are for training only"):
+        run(scenario=replace(PUSHED, **change), count=1)
+
+
 def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
     together, threads = run(nthread=2), run(nthread=1)
     alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)

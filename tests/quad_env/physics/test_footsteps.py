@@ -1,9 +1,12 @@
 """Swings and touch-downs of the feet by hand, for steps of some robots."""
 
+import math
+
 import numpy as np
 import pytest
 
 from quad_env.physics.footsteps import FootContactTracker, touching
+from quad_env.scenarios.terrain import Slope
 
 FEET, SITES = [1, 3, 4, 6], 8
 
@@ -87,3 +90,24 @@ def test_a_part_touches_the_ground_where_any_of_its_sensors_says_so() -> None:
     found = touching([[first, second], [first], [second]], np.array([0, 1, 2]))
     assert found.tolist() == [[False, False, False], [True, True, False], [True, False, True]]
     assert touching([[first, second]], np.array([2, 0])).tolist() == [[True], [False]]
+
+
+def test_height_speed_and_contact_of_a_foot_by_hand() -> None:
+    """A foot of a radius of 2 cm on a slope of 30° moves by (3, 4, 1) mm in 10 ms."""
+    slope = Slope(math.radians(30.0))
+    contacts, places = [[np.zeros((2, 1))] for _ in FEET], np.zeros((2, SITES, 3))
+    feet = FootContactTracker(0.01, contacts, places, FEET, slope, 0.02)
+    places[0, FEET[2]] = (0.1, 0.0, 0.2)
+    feet.reset(slice(None))
+    assert feet.contact.all()
+    assert not feet.speed.any()
+    before = 0.2 - float(slope.height(np.array(0.1), np.array(0.0))) - 0.02
+    assert feet.clearance[0, 2] == pytest.approx(before)
+    places[0, FEET[2]] = (0.103, 0.004, 0.201)
+    contacts[2][0][0] = 1.0
+    feet.update(np.array([0]))
+    assert feet.speed[0].tolist() == pytest.approx([0.0, 0.0, 0.5, 0.0])
+    assert feet.contact.tolist() == [[False, False, True, False], [True] * 4]
+    rise = float(slope.height(np.array(0.103), np.array(0.004)) - slope.height(np.array(0.1), np.array(0.0)))
+    assert abs(rise) > 1e-3
+    assert feet.clearance[0, 2] == pytest.approx(before + 0.001 - rise)

@@ -5,7 +5,7 @@ import pytest
 
 from quad_env.config import CommandRanges
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import Pushes
+from quad_env.scenarios.disturbances import Kicks, Pushes
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import EpisodeSchedule
@@ -129,3 +129,72 @@ def test_where_nothing_pushes_there_is_no_force_before_the_first_push_by_hand() 
     assert found.push_force() is None
     found.apply_push(np.ones((3, 2)), 1)
     np.testing.assert_array_equal(found.push_force(), np.ones((3, 2)))
+
+
+def test_random_intervals_are_exponential_and_of_the_mean_that_is_named() -> None:
+    """Kolmogorov-Smirnov distance of 4000 intervals from the exponential distribution, below its 0.1 % limit."""
+    commands = CommandRanges(interval=0.5, random_intervals=True)
+    drawn = EpisodeSample(SIMPLE_QUAD, Scenario("made", commands=commands), 4, 0, DT)
+    intervals = np.sort([drawn.next_interval(DT) for _ in range(4000)]) * DT
+    assert intervals.min() >= DT
+    expected = 1.0 - np.exp(-(intervals - DT / 2) / 0.5)  # rounded to control steps
+    assert np.abs(expected - np.arange(1, 4001) / 4000).max() < 1.95 / np.sqrt(4000) + DT / 0.5
+
+
+def test_commands_come_at_the_drawn_times() -> None:
+    commands = CommandRanges(interval=0.05, random_intervals=True)
+    found = schedule(scenario=Scenario("made", commands=commands))
+    twin = EpisodeSample(SIMPLE_QUAD, Scenario("made", commands=commands), 4, 0, DT)
+    found.reset(ALL, None)
+    expected, due = twin.next_command(), twin.next_interval(DT)
+    changes = 0
+    for step in range(1, 200):
+        found.step_count[:] = step
+        found.resample_commands(slice(None))
+        if step == due:
+            expected = twin.next_command(expected)
+            due += twin.next_interval(DT)
+            changes += 1
+        np.testing.assert_array_equal(found.command[0], expected)
+    assert changes > 10
+
+
+def test_components_are_switched_off_and_kept_as_often_as_named() -> None:
+    commands = CommandRanges(zero_fraction=0.0, on_probability=(0.9, 0.25, 0.5), keep_probability=0.5)
+    drawn = EpisodeSample(SIMPLE_QUAD, Scenario("made", commands=commands), 4, 0, DT)
+    first = np.array([drawn.next_command() for _ in range(4000)])
+    np.testing.assert_allclose((first != 0.0).mean(axis=0), (0.9, 0.25, 0.5), atol=0.03)
+    assert np.abs(first).max(axis=0) == pytest.approx((1.5, 0.8, 1.2), rel=0.02)
+    present = np.array((0.123, 0.456, 0.789))
+    later = np.array([drawn.next_command(present) for _ in range(4000)])
+    np.testing.assert_allclose((later == present).mean(axis=0), 0.5, atol=0.03)
+    np.testing.assert_allclose((later == 0.0).mean(axis=0), 0.5 * np.array((0.1, 0.75, 0.5)), atol=0.03)
+
+
+def test_commands_by_default_take_no_more_numbers_from_their_stream() -> None:
+    drawn, plain = episode(4, 0), episode(4, 0)
+    commands = [drawn.next_command() for _ in range(5)]
+    assert {plain.next_interval(DT) for _ in range(5)} == {10}
+    np.testing.assert_array_equal([plain.next_command(np.ones(3)) for _ in range(5)], commands)
+
+
+def test_kicks_are_of_each_strength_up_to_the_largest_and_after_the_pushes() -> None:
+    """The velocity change of a kick is force · time / mass, uniform up to 2 m/s."""
+    kicks = Kicks(speed=2.0, duration=(0.05, 0.2), interval=(1.0, 3.0), count=2000)
+    made = EpisodeSample(SIMPLE_QUAD, Scenario("made", pushes=PUSHED.pushes, kicks=kicks), 4, 0, DT).pushes
+    plain = episode(4, 0).pushes
+    np.testing.assert_array_equal(made.force[:2], plain.force)
+    np.testing.assert_array_equal(made.first_step[:2], plain.first_step)
+    steps = np.asarray(made.steps)
+    assert steps[:2].tolist() == [plain.steps] * 2
+    speed = np.hypot(*made.force[2:].T) * steps[2:] * DT / SIMPLE_QUAD.mass
+    assert speed.max() <= 2.0
+    assert np.quantile(speed, (0.25, 0.5, 0.75)) == pytest.approx((0.5, 1.0, 1.5), abs=0.1)
+    gaps = np.diff(made.first_step[2:]) * DT
+    assert gaps.min() >= 1.0 - DT
+    assert gaps.max() <= 3.0 + DT
+    assert set(steps[2:].tolist()) <= set(range(5, 21))
+    assert len(set(steps[2:].tolist())) == 16
+    begin = int(made.first_step[2])
+    np.testing.assert_array_equal(made.force_at(np.array(begin)), made.force[2])
+    assert not made.force_at(np.array(begin + steps[2])).any()
