@@ -78,6 +78,7 @@ class BundleFields(Settings):
     inputs: Inputs = field(default_factory=Inputs)
     hold: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
     servo: Any = None
+    bounded: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,6 +112,7 @@ def describe_policy(
         "authority": policy.authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
+        "bounded": policy.bounded,
         "servo": [policy.robot.servo_stiffness.tolist(), policy.robot.servo_damping.tolist()],
         "training": dict(training),
         "git_revision": git_revision,
@@ -204,7 +206,15 @@ def assemble_policy(
         base = base_from_json(description.base, robot, float(description.control_period), joint_delay_steps, actuator)
         _check_environment(description, robot, base.height_scan)
         authority = np.array(description.authority, dtype=np.float32)
-        return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
+        return ResidualPolicy(
+            base,
+            network,
+            authority,
+            description.name,
+            description.inputs,
+            description.hold,
+            description.bounded,
+        )
     except ValueError as error:
         fail(place, str(error))
 

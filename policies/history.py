@@ -6,7 +6,7 @@ It consists of single past observations and of exponential moving averages of th
 import math
 import sys
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ class Inputs(Settings):
     """Time constants of the exponential averages of the observation that are network inputs, s."""
     clock: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 0.0
     """Frequency of a clock with its sine and cosine as network inputs, Hz; 0: no clock."""
+    clock_at_rest: Literal["shown", "hidden"] = "shown"
+    """hidden: the inputs of the clock are zero while the velocity command is zero, so that the robot can stand."""
 
     @property
     def frames(self) -> int:

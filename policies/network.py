@@ -184,6 +184,23 @@ class Network:
         return slopes, intercepts + _TO_GRID
 
 
+def fold_normalization(network: Network, mean: Weights, std: Weights) -> Network:
+    """Return a network with a first layer that also normalises the inputs.
+
+    Args:
+        network: Network of normalised inputs.
+        mean: Mean of each input, (inputs,).
+        std: Standard deviation of each input, (inputs,).
+
+    Returns:
+        The network f with f(x) = network((x - mean) / std).
+    """
+    first = network.weights[0].astype(np.float64) / std[:, None]
+    bias = network.biases[0] - mean @ first
+    weights = (first.astype(np.float32), *network.weights[1:])
+    return Network(weights, (bias.astype(np.float32), *network.biases[1:]))
+
+
 def _sums(values: Doubles, weight: Doubles) -> Doubles:
     """Compute the matrix product of `values`, (n, inputs), and `weight`, (inputs, outputs), in parts.
 

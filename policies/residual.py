@@ -53,6 +53,8 @@ class Features(PerRobotState):
 
     ticks: Floats = per_robot(0.0)
     """Number of control steps of each robot since its reset, (n,)."""
+    clock_offset: Floats = per_robot(0.0)
+    """Phase of the clock of each robot at its reset, (n,), rad; zero except in training, which can draw it."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base = base
@@ -85,28 +87,38 @@ class Features(PerRobotState):
         if isinstance(self.base, GaitedPolicy):
             seen += [_phase_features(self.base.phase), base_action - _home(self.base.robot)]
         if self.inputs.clock:
-            seen += [_phase_features(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
+            clock = _phase_features(self.clock_phase)
+            if self.inputs.clock_at_rest == "hidden":
+                clock[~observation[:, self._table.slices["command"]].any(axis=1)] = 0.0
+            seen += [clock]
         if self._history.width:
             seen += [self._history.update(scaled[:, : self._own])]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
+    @property
+    def clock_phase(self) -> Floats:
+        """Phase of the clock at the latest observation, (n,), rad."""
+        return 2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks + self.clock_offset
+
 
 def apply_correction(
-    robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions
+    robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions, bounded: bool = True
 ) -> Actions:
-    """Compute the action of a residual policy: base action plus bounded correction.
+    """Compute the action of a residual policy: base action plus correction.
 
     Args:
         robot: Robot with the joint limits.
         base_action: Action of the base policy: joint targets, (n, 12), rad.
-        correction: Correction as a fraction of the authority, (n, 12). The function clips it to [-1, 1].
-        authority: Largest correction of each joint target, (12,), rad.
+        correction: Correction as a fraction of the authority, (n, 12).
+        authority: Largest correction of each joint target, (12,), rad; without bounds the scale of the correction.
+        bounded: True to clip the correction to [-1, 1].
 
     Returns:
         Corrected joint targets, clipped to the joint limits, (n, 12), rad.
     """
     one = np.float32(1.0)
-    return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
+    fraction = np.clip(correction, -one, one) if bounded else correction
+    return within_limits(robot, base_action + authority * fraction)
 
 
 def _phase_features(phase: Floats) -> NDArray[np.float32]:
@@ -124,7 +136,8 @@ class ResidualPolicy(Policy):
 
     The action is (action of the base policy) + authority · network(features), clipped to the joint limits. `Features`
     computes the features from the observation and the base policy. If the network returns zero, the action is
-    identical, bit for bit, to the action of the base policy.
+    identical, bit for bit, to the action of the base policy. The output of the network is clipped to [-1, 1] unless
+    `bounded` is False.
 
     Args:
         base: Base policy. Its robot is also the robot of the residual policy.
@@ -134,6 +147,8 @@ class ResidualPolicy(Policy):
         inputs: Past observations, averages and clock that are additional features.
         hold: Number of control steps for which each correction is used; then the network computes a new correction. The
             base policy acts in every control step.
+        bounded: True to clip the output of the network to [-1, 1], so that `authority` is a limit. False: the output is
+            not clipped, and `authority` is its scale.
 
     Raises:
         ValueError: The input width of the network is not the number of features, or its output width is not the number
@@ -141,7 +156,7 @@ class ResidualPolicy(Policy):
     """
 
     correction: NDArray[np.float32] = per_robot()
-    """Latest correction as a fraction of the authority, from -1 to 1, (n, 12); zero before the first action."""
+    """Latest correction as a fraction of the authority, (n, 12); zero before the first action."""
     base_action: Actions = per_robot()
     """Latest action of the base policy: joint targets, (n, 12), rad; the home pose before the first action."""
 
@@ -153,10 +168,12 @@ class ResidualPolicy(Policy):
         name: str = "residual",
         inputs: Inputs = NO_HISTORY,
         hold: int = 1,
+        bounded: bool = True,
     ) -> None:
         robot = base.robot
         self.features = Features(base, inputs)
         self.hold = hold
+        self.bounded = bounded
         if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
                 f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
@@ -188,6 +205,8 @@ class ResidualPolicy(Policy):
         self.base_action = self.base.act(observation)
         seen = self.features.update(observation, self.base_action)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            corrected = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
+            corrected = self.network(seen)
+            if self.bounded:
+                corrected = np.clip(corrected, np.float32(-1.0), np.float32(1.0))
             self.correction = np.where(due[:, None], corrected, self.correction)
-        return apply_correction(self.robot, self.base_action, self.correction, self.authority)
+        return apply_correction(self.robot, self.base_action, self.correction, self.authority, self.bounded)

@@ -85,6 +85,24 @@ def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path):
     assert trajectory(found) == trajectory(policy)
 
 
+def test_corrections_without_bounds_survive_saving_and_older_bundles_have_bounds(tmp_path):
+    base = policies.make("stand")
+    inputs = Inputs(clock=2.0, clock_at_rest="hidden")
+    policy = ResidualPolicy(base, network(Features(base, inputs).width, 12), inputs=inputs, bounded=False)
+    save(tmp_path, policy, {}, "unknown")
+    found = load(tmp_path)
+    assert (found.bounded, found.features.inputs) == (False, inputs)
+    trace = trajectory(found)
+    assert np.abs(found.correction).max() > 1.0
+    assert trace == trajectory(policy)
+    inputs_before = {"lags": [], "averages": [], "clock": 2.0}
+    rewrite(tmp_path, bounded=None, inputs=inputs_before, description_sha256=None)
+    older = load(tmp_path)
+    assert (older.bounded, older.features.inputs) == (True, Inputs(clock=2.0))
+    bounded = ResidualPolicy(base, policy.network, inputs=Inputs(clock=2.0))
+    assert trajectory(older) == trajectory(bounded) != trace
+
+
 @pytest.mark.parametrize("name", BASES)
 def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_since(tmp_path, monkeypatch, name):
     base = policies.make(name)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from policies.network import LIMIT, Network, activation_chords, piece_index
+from policies.network import LIMIT, Network, activation_chords, fold_normalization, piece_index
 
 
 def random_network(sizes=(62, 128, 128, 12)):
@@ -85,3 +85,13 @@ def test_sums_are_exact():
 def test_layers_that_do_not_fit_are_refused(weights, biases):
     with pytest.raises(ValueError, match=r"layer|float32"):
         Network(weights, biases)
+
+
+def test_a_folded_normalization_gives_the_output_for_normalized_inputs():
+    network, rng = random_network(), np.random.default_rng(1)
+    mean, std = rng.normal(size=62), rng.uniform(0.05, 3.0, 62)
+    seen = f32(mean + std * rng.normal(size=(50, 62)))
+    expected = network(f32((seen - mean) / std))
+    found = fold_normalization(network, mean, std)
+    np.testing.assert_allclose(found(seen), expected, atol=1e-6 * np.abs(expected).max(), rtol=1e-5)
+    assert np.abs(network(seen) - expected).max() > 0.1, "or this shows nothing"

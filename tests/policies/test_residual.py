@@ -118,3 +118,25 @@ def test_a_correction_is_held_for_its_control_steps_from_each_robot_s_own_start_
         np.testing.assert_array_equal(policy.base_action, np.tile(home, (2, 1)))
         expected = apply_correction(SIMPLE_QUAD, np.tile(home, (2, 1)), policy.correction, policy.authority)
         np.testing.assert_array_equal(action, expected)
+
+
+def test_a_hidden_clock_shows_where_the_command_is_to_move():
+    features = Features(policies.make("stand"), Inputs(clock=2.5, clock_at_rest="hidden"))
+    features.reset(2)
+    features.clock_offset[:] = 0.0, 1.0
+    seen = np.zeros((2, OBSERVATION_SIZE), np.float32)
+    for command in (0.0, 0.5, 0.0, 0.5):
+        seen[:, OBSERVATION["command"]] = command
+        clock = features.update(seen, np.zeros((2, 12), np.float32))[:, -2:]
+        phase = features.clock_phase
+        expected = np.stack((np.sin(phase), np.cos(phase)), axis=1) if command else np.zeros((2, 2))
+        np.testing.assert_allclose(clock, expected, atol=1e-6)
+    np.testing.assert_allclose(phase, 2.0 * np.pi * 2.5 * 0.01 * 4 + np.array((0.0, 1.0)))
+
+
+@pytest.mark.parametrize(("bounded", "share"), [(True, 1.0), (False, 1.5)])
+def test_a_correction_is_clipped_only_with_bounds(bounded, share):
+    home = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
+    authority = np.full(12, 0.1, np.float32)
+    found = apply_correction(SIMPLE_QUAD, home, np.full((1, 12), 1.5, np.float32), authority, bounded)
+    np.testing.assert_allclose(found - home, 0.1 * share, atol=1e-6)

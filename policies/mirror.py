@@ -1,0 +1,132 @@
+"""Mirror image of a robot about its sagittal plane: joints, network inputs, and a network that commutes with it.
+
+A mirror image swaps left and right legs. It changes the sign of abduction angles, of lateral components of vectors, and
+of roll and yaw components of angular velocities. The gait clock of a trot moves by half a cycle.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import GaitedPolicy, Policy
+from policies.history import Inputs
+from policies.network import Network
+from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
+
+VECTOR_SIGNS = (1.0, -1.0, 1.0)
+"""Signs of a mirrored vector: forward, lateral, up."""
+ROTATION_SIGNS = (-1.0, 1.0, -1.0)
+"""Signs of a mirrored angular velocity: roll, pitch, yaw."""
+COMMAND_SIGNS = (1.0, -1.0, -1.0)
+"""Signs of a mirrored command: forward velocity, lateral velocity, yaw rate."""
+JOINT_SIGNS = (-1.0, 1.0, 1.0)
+"""Signs of the mirrored joints of a leg: abduction, thigh, calf."""
+CLOCK_SIGNS = (-1.0, -1.0)
+"""Signs of the mirrored sine and cosine of a trot's clock, which is half a cycle later."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Signed permutation: entry i of the mirror image is `signs[i]` times entry `order[i]`."""
+
+    order: NDArray[np.intp]
+    """Index of the source of each entry, (k,)."""
+    signs: NDArray[np.float32]
+    """Sign of each entry, 1 or -1, (k,)."""
+
+    def __call__(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the mirror image of `values`, (n, k)."""
+        return values[..., self.order] * self.signs
+
+
+def signs_mirror(signs: Sequence[float]) -> Mirror:
+    """Return the mirror that only multiplies the entries by `signs`."""
+    return Mirror(np.arange(len(signs)), np.array(signs, np.float32))
+
+
+def joint_mirror(robot: Robot) -> Mirror:
+    """Return the mirror of the joints of a `robot`, in the order of its joint names."""
+    front_left, front_right, hind_left, hind_right = robot.in_leg_order((0, 1, 2, 3))
+    partner = {front_left: front_right, front_right: front_left, hind_left: hind_right, hind_right: hind_left}
+    joints = np.arange(robot.num_joints).reshape(-1, JOINTS_PER_LEG)
+    order = np.concatenate([joints[partner[leg]] for leg in range(len(robot.leg_names))])
+    return Mirror(order, np.tile(np.array(JOINT_SIGNS, np.float32), len(robot.leg_names)))
+
+
+def feature_mirror(base: Policy, inputs: Inputs) -> Mirror:
+    """Return the mirror of the network inputs `policies.residual.Features`.
+
+    Args:
+        base: Base policy that holds a pose; its mirror image is itself.
+        inputs: History and clock of the inputs.
+
+    Returns:
+        The mirror.
+
+    Raises:
+        ValueError: The base has a gait or a height scan.
+    """
+    if isinstance(base, GaitedPolicy) or base.height_scan is not None:
+        raise ValueError(f"mirror symmetry needs a base that holds a pose, without a height scan, not {base.name}")
+    joints = joint_mirror(base.robot)
+    vector = signs_mirror(VECTOR_SIGNS)
+    observation = [vector, signs_mirror(ROTATION_SIGNS), vector, joints, joints, joints, signs_mirror(COMMAND_SIGNS)]
+    clock = [signs_mirror(CLOCK_SIGNS)] if inputs.clock else []
+    return concatenate_mirrors([*observation, *clock, *(observation * inputs.frames)])
+
+
+def concatenate_mirrors(mirrors: Sequence[Mirror]) -> Mirror:
+    """Return the mirror of the concatenated entries of several `mirrors`."""
+    starts = np.cumsum([0, *(len(mirror.order) for mirror in mirrors)])[:-1]
+    order = [mirror.order + start for mirror, start in zip(mirrors, starts, strict=True)]
+    return Mirror(np.concatenate(order), np.concatenate([mirror.signs for mirror in mirrors]))
+
+
+def symmetric_network(network: Network, inputs: Mirror, outputs: Mirror) -> Network:
+    """Return the mean of a network and its mirror image, as one network with layers of twice the width.
+
+    The second half of each hidden layer is the network on the mirrored inputs: y = (f(x) + M f(M x)) / 2.
+
+    Args:
+        network: Network f.
+        inputs: Mirror M of the inputs.
+        outputs: Mirror M of the outputs.
+
+    Returns:
+        A network that commutes with the mirror: f(M x) = M f(x).
+    """
+    first, *hidden = network.weights[:-1]
+    mirrored_first = np.empty_like(first)
+    mirrored_first[inputs.order] = first * inputs.signs[:, None]
+    last = network.weights[-1]
+    weights = [np.concatenate((first, mirrored_first), axis=1), *(_block_diagonal(weight) for weight in hidden)]
+    weights += [np.float32(0.5) * np.concatenate((last, outputs(last)))]
+    biases = [np.tile(bias, 2) for bias in network.biases[:-1]]
+    biases += [np.float32(0.5) * (network.biases[-1] + outputs(network.biases[-1]))]
+    return Network(tuple(map(np.ascontiguousarray, weights)), tuple(biases))
+
+
+def half_network(network: Network) -> Network:
+    """Return the network f of a `network` that `symmetric_network` made, with the same symmetric mean."""
+    widths = [bias.shape[0] // 2 for bias in network.biases[:-1]]
+    inputs = [network.sizes[0], *widths]
+    outputs = [*widths, network.sizes[-1]]
+    halves = [
+        np.ascontiguousarray(weight[:rows, :columns])
+        for weight, rows, columns in zip(network.weights, inputs, outputs, strict=True)
+    ]
+    halves[-1] = np.float32(2.0) * halves[-1]
+    biases = [bias[:width].copy() for bias, width in zip(network.biases, outputs, strict=True)]
+    return Network(tuple(halves), tuple(biases))
+
+
+def _block_diagonal(weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the matrix with `weight` twice on its diagonal and zeros elsewhere."""
+    rows, columns = weight.shape
+    double = np.zeros((2 * rows, 2 * columns), np.float32)
+    double[:rows, :columns] = weight
+    double[rows:, columns:] = weight
+    return double
