@@ -72,7 +72,7 @@ def load_labelled_policy(
 
     Args:
         label: Name or path of the policy.
-        hardware: Robot, motors and sensors in the scenarios without the hardware profile.
+        hardware: Robot, motors and sensors with which the scenarios without the hardware profile are simulated.
         scenarios: All scenarios of the evaluation, with or without the hardware profile.
         trust: True to load policy files that can run hidden code while they are loaded.
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
@@ -154,7 +154,7 @@ class Task:
     steps: int
     """Number of control steps after which an episode ends at the latest (its time limit)."""
     hardware: HardwareConfig
-    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
+    """Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator."""
 
 
 def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:

@@ -31,7 +31,7 @@ class FailedEpisode(NamedTuple):
         scenario: Name of the scenario, which has one severity of the disturbance.
         level: Index of this severity among the severities of the disturbance axis, 0 for the mildest.
         number: Index of the episode among the episodes of this policy on this scenario.
-        row: Row index of the episode in episodes.parquet.
+        row: Index of the episode's row in the table episodes.parquet.
         page: File name of the HTML page that shows the episode. It contains a hash of all inputs of the page.
         fell: True if the robot fell.
         time: Time of the fall, s. If the robot did not fall, it is the onset of the cause of failure, and infinite if

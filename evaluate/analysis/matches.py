@@ -130,7 +130,7 @@ def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
 
     Args:
         rows: Episodes of one policy on one scenario, one row per episode.
-        weighs: Weight of the robot with its payload, N.
+        weighs: Weight of the robot with its payload, N, for the cost of transport.
 
     Returns:
         Name of a metric -> value in each episode, (n,). The metrics are success and fall (0 or 1), the tracking errors,

@@ -62,7 +62,8 @@ class Score:
     difference_ci: Interval
     """95 % bootstrap interval of `difference`, −1 … 1.
 
-    It is NaN for the baseline itself, and for a policy with episodes that are bit-identical to the baseline's.
+    It is NaN for the baseline itself, and for a policy with episodes that are bit-identical to the episodes of the
+    baseline.
     """
     p_value: float
     """p-value of `difference`, before any correction for the number of tests; NaN for the baseline.

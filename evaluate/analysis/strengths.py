@@ -1,4 +1,4 @@
-"""Success of a policy on each disturbance axis (kind of disturbance), and its most common failure."""
+"""Success of a policy on each disturbance axis (kind of disturbance), with the main cause of failure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

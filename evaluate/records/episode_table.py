@@ -28,9 +28,9 @@ A file that lacks one of these columns cannot be read.
 RUN = b"run"
 """Metadata key in episodes.parquet for the fingerprint of the evaluation (hash of all of its inputs)."""
 _WIDTH = b"width"
-"""Metadata key of a column with lists of vectors in each row; the value is the length of a vector.
+"""Metadata key of a column of episodes.parquet that has a list of vectors in each row.
 
-For example, it is 3 for the velocity commands of an episode.
+The value is the number of components of each vector as text, for example `3` for the velocity commands of an episode.
 """
 _EXTRA = b"extension"
 """Metadata key that marks a column of episodes.parquet as a measure registered by a user's extension."""
@@ -50,7 +50,8 @@ class _ListColumn:
     siblings: tuple[str, ...] = ()
     """Names of other columns that have lists of the same length in each row.
 
-    The number of entries of a missing list is read from the first of these columns that the file has.
+    If the file lacks this measure, the number of entries of its lists is read from the first of these columns that the
+    file has.
     """
     width: int = 0
     """Number of components of each entry if the entries of the lists are vectors; 0 if they are numbers."""
