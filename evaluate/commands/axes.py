@@ -12,18 +12,18 @@ from quad_env.cli.command_line import UsageError
 
 @dataclass(frozen=True)
 class AxesOptions(comparison.EvaluateOptions):
-    """Axes of disturbance; the other options are as in python -m evaluate."""
+    """Disturbance axes to evaluate; the other options are the same as in python -m evaluate."""
 
     axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
-    """Names of axes, such as push; all axes if none is named."""
+    """Names of disturbance axes, such as push; by default all axes."""
     policies: tuple[str, ...] = comparison.WALKING_POLICIES
-    """Names of policies, folders of trained ones, or files."""
+    """Policies to evaluate: names, folders of trained policies, or files."""
     scenarios: tuple[str, ...] = ()
-    """Further scenarios."""
+    """Further scenarios to evaluate, in addition to the axes."""
     episodes: int | None = 64
     """Episodes of 10 s of each policy at each level (count)."""
     out: Path = Path("results/axes")
-    """Folder for the files of an evaluation."""
+    """Folder for the result files of the evaluation."""
 
 
 def main(options: AxesOptions) -> int:

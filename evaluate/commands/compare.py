@@ -36,7 +36,7 @@ class CompareOptions:
     b: Annotated[Path, tyro.conf.Positional]
     """Results folder B of another evaluation; differences are B minus A."""
     policies: tuple[str, str] | None = None
-    """A policy of A and the policy of B to compare it with; by default every policy that both runs have."""
+    """A policy of run A, and a policy of run B to compare it with; by default every policy that both runs have."""
     json: Path | None = None
     """JSON file to write, with the differences and the combined ranking."""
 

@@ -69,11 +69,11 @@ class EvaluateOptions:
     out: Path = Path("results/evaluation")
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
-    """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
+    """Continue the interrupted run in the folder --out with its stored options; the interruption changes no result."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     threads: int = available_cores()
-    """Worker processes that simulate side by side (count; default: this machine's cores). No result depends on it."""
+    """Worker processes that simulate in parallel (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 

@@ -56,7 +56,7 @@ class ReplayOptions:
     episode: Annotated[int | None, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")] = None
     """Row of episodes.parquet, counted from 0; with --policy or --scenario, the number in its column `episode`."""
     failed: Flag = False
-    """List the failed episodes instead, of a policy or scenario if one is named: row, time, outcome and cause."""
+    """Only list failed episodes, of a policy or scenario if one is named: row, time, outcome and cause."""
     policy: str | None = None
     """Policy of the episode; may be left out if there is only one."""
     scenario: str | None = None
@@ -66,9 +66,9 @@ class ReplayOptions:
     video: Path | None = None
     """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
     page: Path | None = None
-    """Page to write: film and curves of the episode under one cursor, in one .html file that opens offline."""
+    """HTML page to write: film and curves of the episode with a common time cursor, in one file that works offline."""
     against: str | None = None
-    """Another policy, by name or path, that the film or the page shows on the same seed next to it."""
+    """Another policy, by name or path; the film or page shows it on the same seed, next to the stored policy."""
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ class ReportOptions:
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
     success: Literal["success/2", "success-half", "success-double", "survival", "isaac-lab"] | None = None
-    """Print the table by another rule of success, such as Isaac Lab's thresholds; no file changes."""
+    """Print the table by another success rule, such as Isaac Lab's thresholds; the files do not change."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     pages: Flag = False
-    """Simulate and film the worst and the most typical failure of each policy on each axis first, a page each, which
-    the report links; takes about ten seconds a page, and goes on where it was interrupted."""
+    """Before the report is written, simulate and film the worst and the most typical failure of each policy on each
+    axis, with an HTML page for each failure (about 10 s per page); pages that exist already are kept."""
     trust: Flag = False
     """For --pages: load policies from files that can hide code, the .zip files of Stable-Baselines3."""
 

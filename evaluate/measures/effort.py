@@ -10,14 +10,14 @@ from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient,
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE = "energy/2"
-"""Name and version of the rule for energy measures: joint torques in every physics step give the energy."""
+"""Version of the rule that computes the energy measures from the joint torques in every physics step."""
 MIN_DISTANCE = 1.0
 """Minimum distance of an episode for which a cost of transport is computed, m.
 
 The cost over a shorter distance is NaN, because the quotient energy / distance would be nearly arbitrary.
 """
 LIMIT_MARGIN = 0.01
-"""Distance from a joint limit within which a joint counts as at its limit, rad."""
+"""Largest distance to a joint limit at which a joint counts as being at the limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")
 """Names of the signals, J, for which the sum over time and joints is a measure of the same name, J."""
 

@@ -128,8 +128,8 @@ def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> 
         starts: First control step of each of the k intervals.
 
     Returns:
-        Commands, (n, k, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the robot had fallen before
-        the start of the interval.
+        Commands in the heading frame, (n, k, 3). The components are forward and lateral velocity, m/s, and yaw rate,
+        rad/s. They are NaN if the robot had fallen before the start of the interval.
     """
     return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
@@ -143,8 +143,8 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
         windows: k slices of the control steps.
 
     Returns:
-        Mean velocities, heading frame, (n, k, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the
-        robot had fallen before the end of the window.
+        Mean velocities in the heading frame, (n, k, 3). The components are forward and lateral velocity, m/s, and yaw
+        rate, rad/s. They are NaN if the robot had fallen before the end of the window.
     """
     means = [
         np.where(upright[window.stop - 1, :, None], window_mean(velocity, upright, window), np.nan)
@@ -178,8 +178,8 @@ def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
         window: Slice of the control steps.
 
     Returns:
-        Mean velocity, heading frame, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s; NaN if the robot
-        had fallen before the window.
+        Mean velocity in the heading frame, (n, 3). The components are forward and lateral velocity, m/s, and yaw rate,
+        rad/s. They are NaN if the robot had fallen before the window.
     """
     mask = upright[window]
     return quotient(total(np.where(over_steps(mask, velocity), velocity[window], 0.0)), mask.sum(0)[:, None])

@@ -39,7 +39,7 @@ def ranking_verdict(ranked: Ranking) -> str:
 
 
 def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
-    """Return the result of the corrected test of one difference in success, in words.
+    """Describe in words if a difference in success between two policies is significant.
 
     Args:
         corrected: p-value of the difference, corrected for the number of all tests.
@@ -47,7 +47,7 @@ def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
         identical: True if the episodes of the two policies are bit-identical.
 
     Returns:
-        Words, with the p-value unless the episodes are identical.
+        Text; it contains the p-value, if the episodes are not identical.
     """
     if identical:
         return IDENTICAL_WORDS

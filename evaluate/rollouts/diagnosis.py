@@ -217,7 +217,8 @@ def warning(policy: Policy, robot: str) -> str | None:
     Returns:
         The warning; None if the policy stands and walks, or if the test was skipped.
     """
-    inner: Any = getattr(policy, "policy", policy)  # a safety layer has the external policy as attribute `policy`
+    # A safety layer wraps the external policy, which is its attribute `policy`.
+    inner: Any = getattr(policy, "policy", policy)
     is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None

@@ -43,7 +43,7 @@ An observer may change the policy; the change takes effect with the next action 
 
 
 class FallRecorder:
-    """Observer that records the first fall of each of n robots, by the environment's rule or a divergence."""
+    """Observer that records the first fall of each of n robots; a diverged simulation counts as a fall."""
 
     def __init__(self, count: int, steps: int) -> None:
         self.step = np.full(count, steps, dtype=np.int64)
@@ -77,5 +77,5 @@ class FallRecorder:
 
     @property
     def fell(self) -> NDArray[np.bool_]:
-        """True for robots that have fallen, or for which the simulation has diverged, so far, (n,)."""
+        """True for robots that have fallen until now, or that have a diverged simulation, (n,)."""
         return np.asarray(self.step < self._steps)

@@ -24,7 +24,7 @@ from quad_env.scenarios.registry import Scenario
 
 
 class StoreError(OSError):
-    """Error: the store could not save a simulated chunk (a subset of the episodes of one result)."""
+    """Error that is raised if the store cannot save a chunk (results of a subset of episodes)."""
 
 
 class EpisodeStore(Protocol):

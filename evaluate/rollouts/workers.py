@@ -48,7 +48,7 @@ More threads would not help, because the matrices are small and other workers us
 
 
 class WorkerDiedError(UsageError):
-    """Error: a worker process died, or could not be started."""
+    """Error that is raised if a worker process dies or cannot be started."""
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
@@ -172,7 +172,8 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
         try:
             with _worker_environment():
                 for _ in range(count):
-                    started.append(_Worker(context))  # noqa: PERF401, because `_end` needs them if one fails
+                    # The workers are added one by one, so that `_end` ends them if the next one cannot be started.
+                    started.append(_Worker(context))  # noqa: PERF401
         except OSError as error:
             raise WorkerDiedError(f"a worker process cannot be started ({error.strerror or error})") from error
         yield list(started)
@@ -257,7 +258,8 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
         if (now := time.monotonic()) < next_report:
             return
         next_report = now + POLL_PERIOD
-        pipe.send(float(fraction))  # ends the task by an exception if the parent has closed the pipe
+        # If the parent process has closed the pipe, `send` raises an exception, which ends the task.
+        pipe.send(float(fraction))
 
     try:
         return simulate(task, 1, report)

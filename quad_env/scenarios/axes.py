@@ -85,7 +85,7 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """Scale this axis of SimpleQuad: return an axis with severities that are as hard for `robot`."""
+        """Return the axis for `robot`; its severities are as hard as the severities here for SimpleQuad."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         factor = self.scaled(1.0, robot)

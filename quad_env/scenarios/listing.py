@@ -1,4 +1,4 @@
-"""List of all scenarios, severities and forms of scenario names: `python -m quad_env scenarios`."""
+"""Text list of all scenarios, severities and the syntax of names: `python -m quad_env scenarios`."""
 
 from dataclasses import dataclass
 

@@ -53,9 +53,9 @@ STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 The scenario belongs to no disturbance axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields of `Scenario` that name and label it; a combination does not copy them from the scenarios it combines."""
+"""Fields of `Scenario` for its name and label; a combination of scenarios does not copy them from its parts."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings that are combined field by field, because two disturbance axes may set different fields."""
+"""Classes of settings that a combination merges field by field, because two axes may set different fields."""
 
 
 @lru_cache(maxsize=32)

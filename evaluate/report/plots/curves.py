@@ -47,7 +47,7 @@ BAR = 2.5
 
 
 def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
-    """Draw a rate against severity with Wilson intervals, and breaking points with their intervals.
+    """Draw success or fall rate against severity, with Wilson intervals and breaking points, as SVG.
 
     Args:
         results: Results of the run.
@@ -62,7 +62,7 @@ def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label
 
 
 def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """Draw a rate against severity, with Wilson intervals and breaking points, as a matplotlib figure.
+    """Draw success or fall rate against severity, with Wilson intervals and breaking points.
 
     Equal curves are shifted apart, so that all curves are visible.
 

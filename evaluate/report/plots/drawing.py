@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
 """Colours of the policies in plots, from the palette of Okabe and Ito, and two from Tol.
 
-Colour-blind readers can distinguish the colours. In a print in grey, the marks distinguish the policies.
+Colour-blind readers can distinguish the colours. If a report is printed in grey, the marks distinguish the policies.
 """
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib name of the mark of a policy -> Unicode character of the same mark, for tables."""
