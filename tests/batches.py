@@ -15,7 +15,7 @@ from quad_env.seeding import PURPOSES
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch of robots as it was made, and begun with seeds."""
+    """A batch of robots with its constructor arguments and the seeds of its first reset."""
 
     env: SimpleQuadVectorEnv
     threads: int
@@ -36,7 +36,7 @@ class Batch:
 
 @contextlib.contextmanager
 def begun() -> Iterator[list[Batch]]:
-    """Every batch that is made, and reset with seeds, while this lasts."""
+    """Record every batch that is created and reset with seeds, within the context."""
     found: list[Batch] = []
     true_init, true_reset = SimpleQuadVectorEnv.__init__, SimpleQuadVectorEnv.reset
     threads: dict[int, int] = {}

@@ -14,15 +14,15 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-# Same examples on every machine; no deadline, since a shared or slow machine is no fault of the code.
+# The examples are equal on every machine; without a deadline, since a slow machine is no fault of the code.
 settings.register_profile("simple_quad", derandomize=True, deadline=None, database=None)
 settings.load_profile("simple_quad")
 
-# A shell has its background jobs ignore Ctrl-C, and their children inherit that: tests that send it see a terminal's.
+# A shell lets background jobs ignore Ctrl-C, which their children inherit; tests that send Ctrl-C need the default.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# MuJoCo chooses its OpenGL backend once, at import: so before any test module is.
+# MuJoCo chooses its OpenGL backend at import: this must come before the import of any test module.
 if "MUJOCO_GL" not in os.environ and sys.platform == "linux":
     os.environ["MUJOCO_GL"] = "egl" if ctypes.util.find_library("EGL") else "osmesa"
 
@@ -39,7 +39,10 @@ with mujoco.Renderer(model, 1, 1) as renderer:
 
 
 def rendering_failure() -> str | None:
-    """Why nothing can be rendered here, or None. Asked of another process, since a failing backend may abort it."""
+    """Return why rendering is impossible, or None.
+
+    Another process renders, since a failing backend may abort its process.
+    """
     probe = subprocess.run([sys.executable, "-c", RENDER_ONE_PIXEL], capture_output=True, text=True, check=False)
     if probe.returncode == 0:
         return None
@@ -47,7 +50,7 @@ def rendering_failure() -> str | None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests marked `rendering` are skipped where no OpenGL backend can be loaded, and only there."""
+    """Skip the tests marked `rendering` on a machine without an OpenGL backend."""
     marked = [item for item in items if item.get_closest_marker("rendering")]
     if marked and (failure := rendering_failure()):
         backend = os.environ.get("MUJOCO_GL", "glfw")
@@ -57,13 +60,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def repository() -> Path:
-    """The root of the clone."""
+    """Return the root of the clone."""
     return Path(__file__).parents[1]
 
 
 @contextlib.contextmanager
 def _running(command: list[str], longest: float = LONGEST, **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """The process of a command, its outputs in pipes as text; see `running`."""
+    """Yield the process of a command with its outputs in pipes as text; see `running`."""
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process: subprocess.Popen[str] = subprocess.Popen(command, **pipes | options)
     limit = threading.Timer(longest, process.kill)
@@ -106,7 +109,7 @@ def display() -> Iterator[str]:
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Calls a program, given by its `main`, with words that it refuses: the one line that is all it prints."""
+    """Return a function that calls a program with arguments it refuses, and returns the one line that it prints."""
 
     def line(main: Callable[[list[str]], int], *words: object) -> str:
         assert main([str(word) for word in words]) == 2

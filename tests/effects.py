@@ -27,7 +27,7 @@ class Effect:
     reading: Reading
     expected: Any
     given: str = ""
-    """Words without which the option means nothing."""
+    """Other arguments that the option requires."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Called:
     words: list[str]
     folder: Path
     calls: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
-    """Arguments of each call of `policies.resolve`, and of the report, which takes long and is not written."""
+    """Arguments of each call of `policies.resolve` and of the report, which is not written since it takes long."""
 
     @cached_property
     def done(self) -> tuple[int, list[Batch], str]:
@@ -68,7 +68,7 @@ class Called:
 
     @property
     def batches(self) -> list[Batch]:
-        """The robots that were simulated."""
+        """Return the simulated batches of robots."""
         assert self.code in {0, 1}
         return self.done[1]
 
@@ -85,7 +85,7 @@ class Called:
 
 
 def check_other_than_usual(kind: Any, words: list[str], names: Iterable[str]) -> Any:
-    """The options of these words; fails unless each of those named is given, and other than its default."""
+    """Return the options of the given arguments; check that each named option is given and differs from its default."""
     options = parse(kind, words, program="", description="")
     for each in fields(kind):
         if each.name in names:

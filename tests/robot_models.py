@@ -1,4 +1,4 @@
-"""A mark for tests that need the models of other robots, which are in a package of their own."""
+"""Mark of tests that need the models of other robots, which are in a separate package."""
 
 from importlib.util import find_spec
 

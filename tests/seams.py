@@ -1,4 +1,4 @@
-"""Seams of the product that several tests use, each named once: simulation, files, report, validation, deadlines."""
+"""Patches of the product that several tests use: simulation, files, report, validation, deadlines."""
 
 import errno
 import os
@@ -16,7 +16,7 @@ from quad_env.cli.child_process import RunClock
 
 
 def short_episodes(patch: pytest.MonkeyPatch, steps: int) -> None:
-    """Give the evaluator's episodes that many control steps."""
+    """Give the evaluator's episodes `steps` control steps."""
     patch.setattr(rollout, "STEPS", steps)
 
 
@@ -49,7 +49,7 @@ def replace_report(patch: pytest.MonkeyPatch, write: Callable[..., Any]) -> None
 
 def replace_validation(patch: pytest.MonkeyPatch, validate: Callable[..., Any]) -> None:
     """Call `validate` in place of the function with which a training run validates its policy."""
-    from train.sb3 import callbacks  # here, because torch takes seconds to import
+    from train.sb3 import callbacks  # a local import, because torch takes seconds to import
 
     patch.setattr(callbacks, "validate", validate)
 
@@ -63,5 +63,5 @@ def deadlines(patch: pytest.MonkeyPatch, act: float | None = None, grace: float 
 
 
 def without_processor_wait(patch: pytest.MonkeyPatch) -> None:
-    """Count all time as waiting for a processor, as on a machine that is busy."""
+    """Count all time as waiting for a processor, as on a busy machine."""
     patch.setattr(RunClock, "elapsed", lambda clock: 0.0)

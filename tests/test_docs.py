@@ -1,10 +1,10 @@
-"""README and docs run and render: Python blocks as they stand, commands by their options, tables by the code.
+"""README and docs run and render: Python blocks unchanged, options of commands, and tables equal to the code.
 
-Of a block that trains for minutes the number of steps alone is another, see `shortened`.
+A block that trains for minutes runs with fewer steps, see `shortened`.
 
-Of blocks of commands those of the tutorial are run (`test_tutorial.py`). The others take minutes to hours, install
-packages: what is looked at are their commands and options. Blocks that are files of one folder, with
-a name in a comment on their first line, are run there too.
+The commands of the tutorial run in `test_tutorial.py`. Other blocks of commands take minutes to hours or install
+packages, so that only their commands and options are checked. Blocks that are files of one folder, with a name in a
+comment on their first line, run in that folder.
 """
 
 import contextlib
@@ -43,23 +43,23 @@ def blocks(language: str, text: str) -> list[str]:
 
 
 def file_name(block: str) -> str | None:
-    """The name that a block has as a file, in a comment on its first line."""
+    """Return the file name of a block, from a comment on its first line."""
     named = re.match(r"# (\w+\.py)\n", block)
     return named[1] if named else None
 
 
 def commands() -> list[str]:
-    """Every `python -m …` in a bash block or between back quotes, where … stands for `python -m evaluate`."""
+    """Return every `python -m …` in a bash block or between back quotes; … stands for `python -m evaluate`."""
     lines = [line for text in PAGES.values() for block in blocks("bash", text) for line in block.splitlines()]
     inline = [code for text in PAGES.values() for code in re.findall(r"`((?:python -m|… (?=--|axes)) ?[^`]+)`", text)]
     parts = [part.partition(" #")[0].strip() for line in lines for part in line.split(" && ")] + inline
     found = [part.replace("…", "python -m evaluate") for part in parts]
-    others = ("python -m venv", "python -m sphinx")  # the site is built by a test of its own
+    others = ("python -m venv", "python -m sphinx")  # the site is built in its own test
     return sorted({each for each in found if each.startswith("python -m ") and not each.startswith(others)})
 
 
 def table(header: str, page: str) -> list[list[str]]:
-    """Cells of the table under that header line, back quotes taken off, shape (rows, columns)."""
+    """Return the cells of the table under a header line, without back quotes, shape (rows, columns)."""
     lines = PAGES[page].split(f"{header}\n", 1)[1].split("\n\n")[0].splitlines()[1:]
     return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines]
 
@@ -86,26 +86,26 @@ def test_every_fence_is_closed_and_swallows_no_heading_and_no_table(page: str) -
 def test_python_block_runs_as_it_stands(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     if "stable_baselines3" in block:
-        importlib.import_module("torch").set_num_threads(1)  # more make networks of this size slower
+        importlib.import_module("torch").set_num_threads(1)  # more threads make networks of this size slower
     exec(compile(shortened(block), "block", "exec"), {"__name__": "__main__"})
 
 
 def shortened(block: str) -> str:
-    """The block, but a training of 100,000 steps or more ends after its first rollout and update.
+    """Return the block; a training of 100,000 steps or more ends after its first rollout and update.
 
-    `python -m research sb3-block` runs such a block in full; tests/research/test_sb3_block.py compares its record.
+    `python -m research sb3-block` runs this block in full; tests/research/test_sb3_block.py compares its record.
     """
     return re.sub(r"\.learn\([\d_]{6,}\)", ".learn(1)", block)
 
 
 def named_by(package: str) -> list[str]:
-    """Names of a package's commands."""
+    """Return the names of a package's commands."""
     return list(getattr(importlib.import_module(f"{package}.__main__"), "COMMANDS", {}))
 
 
 @cache
 def help_of(package: str, *rest: str) -> str:
-    """Help of the command that these words, without options, call."""
+    """Return the help of the command with the given words, without options."""
     main = importlib.import_module(package if "." in package else f"{package}.__main__").main
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):

@@ -1,7 +1,7 @@
-"""Limits, defaults and names that README and docs state are those of the code.
+"""Limits, defaults and names in README and docs equal those of the code.
 
-`FACTS` has a statement of a page, as a pattern whose groups are the numbers, and where the code has them. A statement
-that is no longer found fails, too: change the pattern with the page.
+`FACTS` has a statement of a page as a pattern whose groups are the numbers, and the numbers in the code. A statement
+that is no longer found fails as well: change the pattern together with the page.
 """
 
 import importlib
@@ -197,7 +197,7 @@ def _grid() -> list[float]:
 
 
 def _quarters() -> bool:
-    """Return whether there are four looks."""
+    """Return True if there are four interim analyses."""
     return sequential.LOOKS == 4
 
 
@@ -220,7 +220,7 @@ def test_a_stated_number_is_the_codes(name: str, pattern: str, right: Callable[[
 
 @cache
 def _resolve(name: str) -> Any:
-    """The object of a dotted name: a module, and attributes of it."""
+    """Return the object of a dotted name: a module, and attributes of it."""
     words = name.split(".")
     found: Any = importlib.import_module(words[0])
     for number, word in enumerate(words[1:], 2):
@@ -234,7 +234,7 @@ def _resolve(name: str) -> Any:
 
 
 def code(page: str) -> list[str]:
-    """Texts between back quotes outside of fences."""
+    """Return the texts between back quotes outside of fences."""
     return re.findall(r"`([^`\n]+)`", re.sub(r"^ *```.*?^ *```$", "", PAGES[page], flags=re.DOTALL | re.MULTILINE))
 
 
@@ -254,7 +254,7 @@ def test_a_dotted_name_of_the_project_exists(page: str) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_name_said_to_be_in_a_file_is_there(page: str) -> None:
-    """As in "`MAKERS` of `policies/registry.py`" and "`BASES` in `policies/residual_bases.py`"."""
+    """Examples are "`MAKERS` of `policies/registry.py`" and "`BASES` in `policies/residual_bases.py`"."""
     said = re.findall(r"`([A-Za-z_][\w.]*)` (?:of|in) `([\w/]+\.py)`", PAGES[page])
     said += [(name, file) for file, name in re.findall(r"`([\w/]+\.py)`: .*? in `([A-Z_]{3,})`", PAGES[page])]
     for name, file in said:
@@ -264,7 +264,7 @@ def test_a_name_said_to_be_in_a_file_is_there(page: str) -> None:
 
 
 def all_options() -> Iterator[str]:
-    """Options of every command of the project."""
+    """Return the options of every command of the project."""
     for package in PACKAGES[:-1]:
         commands = ([], *(name.split() for name in named_by(package))) if package not in ("policies", "live") else ()
         for words in commands:
@@ -280,7 +280,7 @@ def options() -> frozenset[str]:
 
 @pytest.mark.parametrize("page", [name for name in PAGES if name != "CONTRIBUTING.md"])
 def test_an_option_that_is_named_exists(page: str, options: frozenset[str]) -> None:
-    others = {"--help", "--help-all", "--keep-going", "--rewards.height-above-ground"}  # the last is an example
+    others = {"--help", "--help-all", "--keep-going", "--rewards.height-above-ground"}  # the last one is an example
     named = {option for text in code(page) for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*", text)}
     assert named - options - others == set()
 
@@ -293,7 +293,7 @@ def test_every_extra_has_its_row() -> None:
 
 
 def test_every_weight_has_a_reward_term_of_its_name() -> None:
-    """As docs/extending.md has it."""
+    """The page is docs/extending.md."""
     from quad_env.task import rewards
 
     names = [name for name in RewardWeights.__dataclass_fields__ if name != "fall"]

@@ -1,4 +1,4 @@
-"""Extensions: a package outside of the clone, installed by pip, adds each kind of entry; broken ones are named."""
+"""Extensions: a package outside of the clone, installed by pip, adds each kind of entry; invalid ones are named."""
 
 import json
 import os
@@ -127,7 +127,7 @@ def test_installed_package_is_named_by_the_commands_that_list(site: Path, tmp_pa
 
 @pytest.fixture
 def added(monkeypatch: pytest.MonkeyPatch):
-    """Function that adds an extension for one test."""
+    """Return a function that adds an extension for one test."""
     monkeypatch.setattr(extensions, "_added", [])
 
     def drop_caches() -> None:

@@ -24,9 +24,9 @@ WORDS = re.compile(
 OPENINGS = {"What", "Of", "Which", "Who", "Whose", "How", "Whether", "Where", "That", "Those", "Such"}
 """First words that make no sentence of a docstring."""
 MAX_LINES = 40
-"""Lines of a function, its docstring not counted."""
+"""Maximum number of lines of a function, without its docstring."""
 MAX_LOCALS = 12
-"""Names that a function assigns."""
+"""Maximum number of names that a function assigns."""
 LIMITS: dict[str, dict[str, int]] = {
     "quad_env": {"functions over 12 locals": 1, "packed assignments of two": 13, "words": 3},
     "policies": {"packed assignments of two": 4, "words": 1},
@@ -89,7 +89,7 @@ def packed_count(node: ast.Assign) -> int:
 
 
 def function_findings(function: Function, is_public: bool) -> Iterator[str]:
-    """Yield the kinds of which a function is an example."""
+    """Yield the kinds of hard-to-read forms of a function."""
     first = function.body[0]
     docstring = ast.get_docstring(function)
     lines = function.end_lineno - function.lineno + 1 - (first.end_lineno - first.lineno + 1 if docstring else 0)
@@ -103,7 +103,7 @@ def function_findings(function: Function, is_public: bool) -> Iterator[str]:
 
 
 def local_names(node: ast.AST) -> set[str]:
-    """Return the names that a function assigns itself: not in nested functions, nor in comprehensions."""
+    """Return the names that a function assigns, without those of nested functions and comprehensions."""
     nested = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.ClassDef)
     comprehensions = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
     names: set[str] = set()
@@ -116,14 +116,14 @@ def local_names(node: ast.AST) -> set[str]:
 
 
 def argument_names(function: Function) -> list[str]:
-    """Return the names of a function's arguments but `self` and `cls`."""
+    """Return the names of a function's arguments except `self` and `cls`."""
     arguments = function.args
     named = arguments.posonlyargs + arguments.args + arguments.kwonlyargs
     return [each.arg for each in named if each.arg not in ("self", "cls")]
 
 
 def describes(docstring: str, arguments: list[str]) -> bool:
-    """Return whether a docstring has a section `Args:`, or is one line that names every argument."""
+    """Return True if a docstring has a section `Args:`, or is one line that names every argument."""
     if "Args:" in docstring:
         return True
     return "\n" not in docstring.strip() and all(re.search(rf"\b{name}\b", docstring) for name in arguments)

@@ -1,4 +1,4 @@
-"""Nothing depends on the locale: files are UTF-8 everywhere, and a terminal of ASCII gets `?` for what it lacks."""
+"""All commands are independent of the locale: files are UTF-8, and an ASCII terminal shows `?` for other characters."""
 
 import ast
 import os
@@ -17,7 +17,7 @@ TINY = (
 
 
 def run(words: str, folder: Path, repository: Path) -> str:
-    """What a command prints to a terminal of ASCII; it must not fail."""
+    """Return the output of a command on a terminal of ASCII; the command must not fail."""
     command = [sys.executable, "-m", *words.format(folder).split()]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONIOENCODING"} | ASCII
     done = subprocess.run(command, cwd=repository, env=environment, capture_output=True, check=False)
@@ -46,7 +46,7 @@ def test_reports_are_the_same_where_text_is_ascii(tmp_path: Path, repository: Pa
 
 
 def test_every_text_file_is_read_and_written_as_utf_8(repository: Path) -> None:
-    """What the linter's rule PLW1514 sees only where it can follow the type of a path."""
+    """The linter's rule PLW1514 finds these calls only if it can infer the type of a path."""
     files = [path for package in PACKAGES for path in (repository / package).rglob("*.py")]
     assert len(files) > 300
     for path in files:

@@ -1,4 +1,4 @@
-"""What is shipped: the wheel holds quad_env alone, each package pulls in only what it may, every dependency is used."""
+"""Distributions: the wheel contains only quad_env, packages import only allowed packages, every dependency is used."""
 
 import ast
 import contextlib
@@ -24,8 +24,8 @@ from packaging.utils import canonicalize_name
 
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
-VIEW = "live/view"  # what a clone shows with the base dependencies alone; other commands of live say what they lack
-INDIRECT = {"tensorboard"}  # imported by torch.utils.tensorboard when a training run logs
+VIEW = "live/view"  # part of a clone with the base dependencies only; other commands of live name the missing package
+INDIRECT = {"tensorboard"}  # torch.utils.tensorboard imports it when a training run logs
 MAKE = """
 import sys, gymnasium
 env = gymnasium.make("quad_env:SimpleQuad-v0")
@@ -40,12 +40,12 @@ assert [main(words) for words in (["info"], ["describe", "simple_quad"], ["docto
 
 
 def project(repository: Path) -> dict[str, Any]:
-    """What pyproject.toml says of the project."""
+    """Return the project table of pyproject.toml."""
     return tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
 def imported(package: Path) -> Iterator[str]:
-    """Top-level names of everything that a package's modules import, wherever in them."""
+    """Return the top-level names of all imports in a package's modules."""
     for module in package.rglob("*.py"):
         for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
@@ -56,12 +56,12 @@ def imported(package: Path) -> Iterator[str]:
 
 @cache
 def distributions() -> Mapping[str, list[str]]:
-    """Distributions by the names that they are imported by; takes seconds."""
+    """Return the distributions by import name; the call takes seconds."""
     return packages_distributions()
 
 
 def third_party(repository: Path, packages: tuple[str, ...]) -> dict[str, set[str]]:
-    """Import name -> distributions that provide it, for what the packages import from outside and cannot do without."""
+    """Return import name -> distributions for the required third-party imports of the packages."""
     names = {name for package in packages for name in imported(repository / package)}
     providers = distributions()
     outside = names - set(sys.stdlib_module_names) - {*PACKAGES, "live"} - optional(repository)
@@ -75,12 +75,12 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Import names of the extras that evaluation can do without: films as .mp4, other simulators."""
+    """Return the import names of the optional extras: films as .mp4, other simulators."""
     return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake", "mujoco_warp", "warp"}
 
 
 def build(folder: Path, kind: str, out: Path) -> Path:
-    """The wheel or the source distribution of the project in that folder."""
+    """Return the wheel or the source distribution of the project in a folder."""
     command = [sys.executable, "-m", "hatchling", "build", "--target", kind, "--directory", str(out)]
     subprocess.run(command, cwd=folder, capture_output=True, check=True)
     (path,) = out.iterdir()
@@ -89,7 +89,7 @@ def build(folder: Path, kind: str, out: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def source(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The source distribution, unpacked."""
+    """Return the unpacked source distribution."""
     folder = tmp_path_factory.mktemp("source")
     with tarfile.open(build(repository, "sdist", tmp_path_factory.mktemp("sdist"))) as archive:
         archive.extractall(folder, filter="data")
@@ -99,18 +99,18 @@ def source(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel, built from the source distribution, as an installer without wheels does."""
+    """Return the wheel, built from the source distribution, as by an installer without a wheel."""
     return zipfile.ZipFile(build(source, "wheel", tmp_path_factory.mktemp("wheel")))
 
 
 @pytest.fixture(scope="session")
 def empty_environment(wheel: zipfile.ZipFile, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The Python of an environment that has the wheel and the packages it depends on, and no clone."""
+    """Return the Python of an environment with the wheel and its dependencies, without the clone."""
     folder = tmp_path_factory.mktemp("empty")
     venv.create(folder, symlinks=os.name != "nt")
     (packages,) = (path for path in folder.rglob("site-packages") if path.is_dir())
     wheel.extractall(packages)
-    # The packages of the environment that runs the tests; editable installations there are not followed.
+    # Packages come from the environment of the tests; its editable installations have no effect there.
     (packages / "dependencies.pth").write_text(str(Path(gymnasium.__file__).parents[1]), encoding="utf-8")
     return next(path for path in folder.glob("*/python*") if path.stem == "python")
 

@@ -1,7 +1,7 @@
-"""A robot is a value that is handed down: its figures and names stand in `quad_env.robots` alone.
+"""A robot is a value that is passed as an argument: its numbers and names are only in `quad_env.robots`.
 
-No module writes its names or numbers a second time, and the usual robot, SIMPLE_QUAD, is named where a default is
-chosen and hardly anywhere else.
+No other module repeats its names or numbers. The default robot, SIMPLE_QUAD, is used as a default and in few other
+places.
 """
 
 import ast
@@ -26,15 +26,15 @@ OF_SIMPLE_QUAD = {
     "policies/shipped.py": "what was trained for it has no folder of its own",
     "train/search/trot.py": "its parameters stand beside the code",
 }
-"""Modules that name SIMPLE_QUAD otherwise than as the default of a parameter or of a field, and why."""
+"""Modules that use SIMPLE_QUAD other than as the default of a parameter or of a field -> the reason."""
 OF_OTHER_PROJECTS = "policies/external/readers/"
-"""Modules that name the legs as other projects do."""
+"""Folder with the leg names of other projects."""
 WITHOUT_NUMBERS = ("quad_env/", "evaluate/measures/", "evaluate/records/", "evaluate/rollouts/")
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)
 
 
 def modules(folder: str) -> Iterator[tuple[str, ast.Module]]:
-    """Names and trees of the modules in a folder; those of robots aside."""
+    """Yield names and trees of the modules in a folder, without those of robots."""
     for path in sorted((REPOSITORY / folder).rglob("*.py")):
         name = path.relative_to(REPOSITORY).as_posix()
         if not name.startswith("quad_env/robots/"):
@@ -42,7 +42,7 @@ def modules(folder: str) -> Iterator[tuple[str, ast.Module]]:
 
 
 def chosen(tree: ast.Module) -> int:
-    """How often SIMPLE_QUAD is named otherwise than as the default of a parameter or of a field."""
+    """Return the number of uses of SIMPLE_QUAD other than as the default of a parameter or of a field."""
     signatures = [node for node in ast.walk(tree) if isinstance(node, ast.arguments)]
     defaults = {id(default) for signature in signatures for default in (*signature.defaults, *signature.kw_defaults)}
     defaults |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.AnnAssign)}
@@ -51,7 +51,7 @@ def chosen(tree: ast.Module) -> int:
 
 
 def texts(tree: ast.Module) -> Iterator[str]:
-    """Every text that is no docstring."""
+    """Return every text except docstrings."""
     said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:

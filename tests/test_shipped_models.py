@@ -1,4 +1,4 @@
-"""The trained policies that ship are what their cards say, on other episodes, over the base in force."""
+"""The published trained policies have the success rates of their cards, on other episodes, with the present base."""
 
 import re
 from dataclasses import dataclass
@@ -22,21 +22,21 @@ SHIPPED = [(HardwareConfig.robot, name) for name in policies.TRAINED] + [("go1",
 ASKED = "push"
 """Scenario of a card that is evaluated again."""
 UNLIKELY = 1e-3
-"""Chance at which a row fails though the card is true."""
+"""Probability at which a row fails although the card is correct."""
 SHARE = r"(\d+) %"
 
 
 @dataclass(frozen=True)
 class Card:
-    """What a MODEL.md says in its first table."""
+    """Contents of the first table of a MODEL.md."""
 
     episodes: int
     success: dict[str, tuple[float, float]]
-    """By scenario: the share of success of the base and of the policy."""
+    """Scenario -> success rate of the base and of the policy."""
 
 
 def card(folder: Path) -> Card:
-    """The card of a shipped policy."""
+    """Return the card of a published policy."""
     text = (folder / "MODEL.md").read_text(encoding="utf-8").replace("\u00a0", " ")
     episodes = re.search(r"^(\d+) episodes of 10 s a scenario", text, re.MULTILINE)
     assert episodes is not None
@@ -52,7 +52,7 @@ def _share(cell: str) -> float:
 
 
 def succeeded(policy: policies.Policy, scenario: str, hardware: HardwareConfig) -> int:
-    """Episodes of success on ground and seeds that neither training nor the card has seen."""
+    """Return the number of successful episodes, on terrain and seeds that neither the training nor the card uses."""
     seeds, ground = (
         episode_seeds("search", 3, EPISODES),
         with_terrain_seed(scenario, "search", robot=hardware.robot_model),
@@ -61,7 +61,7 @@ def succeeded(policy: policies.Policy, scenario: str, hardware: HardwareConfig) 
 
 
 def chance(claimed: float, of: int, seen: int) -> float:
-    """How likely so different a count is, were the claim of `of` episodes true."""
+    """Return the probability of a count this far away, if the rate claimed from `of` episodes is correct."""
     hits = round(claimed * of)
     return float(fisher_exact([[hits, of - hits], [seen, EPISODES - seen]]).pvalue)
 

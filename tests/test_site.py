@@ -1,5 +1,4 @@
-"""The documentation site: built without a warning, such as one of a broken link, nothing from a network; its notebooks
-run."""
+"""The documentation site builds without a warning (such as a broken link) and without a network; its notebooks run."""
 
 import json
 import re
@@ -15,13 +14,15 @@ import quad_env
 REPOSITORY = Path(__file__).parents[1]
 NOTEBOOKS = sorted((REPOSITORY / "docs" / "notebooks").glob("*.ipynb"))
 LONG, SHORT = '"--episodes", "16"', '"--episodes", "2", "--threads", "1"'
-"""What a notebook says, and what is run."""
+"""Text of a notebook, and its replacement."""
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built by the command in CONTRIBUTING.md but elsewhere and without running the notebooks; a warning ends
-    it."""
+    """Return the site, built by the command in CONTRIBUTING.md in another folder, without the notebooks.
+
+    A warning fails.
+    """
     folder = tmp_path_factory.mktemp("site")
     (command,) = re.findall(
         r"^ *python (-m sphinx -W .+)$", (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE
@@ -43,7 +44,7 @@ def test_no_page_loads_from_elsewhere_or_names_the_machine(site: Path) -> None:
 @pytest.mark.rendering
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_draws(notebook: Path) -> None:
-    """Of few and short episodes, in this process; the site is built with the kernel that readers have."""
+    """Episodes are few and short, in this process; the site uses the kernel that readers have."""
     import matplotlib.pyplot as plt
 
     cells = [cell for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]

@@ -1,4 +1,4 @@
-"""The commands of the tutorial run, and so do the files of your-policy.md: a controller and a residual on it."""
+"""The commands of the tutorial run, and the files of your-policy.md: a controller and a residual policy on it."""
 
 import importlib
 import re
@@ -27,23 +27,22 @@ SHORTER = (
     (r"results/first 20", "results/first 1"),
     (r"episode\.webp", "episode.png"),  # five frames instead of 250
 )
-"""With one episode each, on flat ground alone, a training that is done at once, a strip of frames in place of a
-film."""
+"""Replacements: one episode each, only on flat ground, an instant training, a strip of frames instead of a film."""
 
 
 @pytest.mark.rendering
 def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     short_episodes(monkeypatch, 200)
-    without_report(monkeypatch)  # 30 plots each
+    without_report(monkeypatch)  # each report has 30 plots
     lines = [line for block in blocks("bash", PAGES["docs/tutorial.md"]) for line in block.splitlines()]
     assert len(lines) >= 8
-    for line in lines[1:]:  # the first installs
+    for line in lines[1:]:  # the first line installs packages
         for long, short in SHORTER:
             line = re.sub(long, short, line)
         python, module, package, *words = line.split()
         assert (python, module) == ("python", "-m")
-        if words[0] == "view":  # until Ctrl-C; tests/live/view runs it
+        if words[0] == "view":  # the view runs until Ctrl-C; tests/live/view tests it
             continue
         assert importlib.import_module(f"{package}.__main__").main(words) == 0, line
     assert (tmp_path / "episode.png").stat().st_size > 10_000

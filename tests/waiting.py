@@ -1,4 +1,4 @@
-"""Waiting for what another thread or process does, on a machine that may be busy."""
+"""Wait for another thread or process on a busy machine."""
 
 import time
 from collections.abc import Callable
@@ -8,7 +8,7 @@ T = TypeVar("T")
 
 
 def until(seen: Callable[[], T], otherwise: str) -> T:
-    """The first true value that is seen; after 60 s the test fails, for the reason given."""
+    """Return the first true value of `seen`; after 60 s the test fails with the reason `otherwise`."""
     end = time.monotonic() + 60.0
     while not (found := seen()):
         assert time.monotonic() < end, otherwise

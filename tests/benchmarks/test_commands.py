@@ -23,7 +23,7 @@ def run(name: str, *arguments: object) -> int:
 
 @pytest.fixture
 def quick(tmp_path: Path, capsys):
-    """Runs a command with --quick; the figures of its file."""
+    """Return a function that runs a command with --quick and returns the numbers of its file."""
 
     def figures(name: str, *options: str) -> dict:
         path = tmp_path / "kept.json"

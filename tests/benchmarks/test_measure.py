@@ -1,4 +1,4 @@
-"""Subjects take turns, ratios are of the same rounds, and a figure that is not a number keeps no limit."""
+"""Subjects take turns, ratios compare equal rounds, and nan violates a limit."""
 
 from contextlib import nullcontext
 
@@ -38,7 +38,7 @@ def test_spread_is_median_and_quartiles() -> None:
 
 
 def test_ratio_and_difference_are_taken_round_by_round() -> None:
-    """A machine that is ten times as slow in one round changes neither the ratio nor, much, its spread."""
+    """A machine that is ten times as slow in one round changes neither the ratio nor, by much, its spread."""
     subject, other = np.array([1.0, 10.0, 1.0]), np.array([2.0, 20.0, 2.0])
     ratio = speed_ratio(subject, other)
     assert (ratio.low, ratio.median, ratio.high) == (2.0, 2.0, 2.0)

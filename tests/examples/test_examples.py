@@ -1,4 +1,4 @@
-"""Every example runs as a user runs it, with few steps, and prints the expected text."""
+"""Every example runs as for a user, with few steps, and prints the expected text."""
 
 import contextlib
 import re
@@ -64,7 +64,7 @@ def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pyt
     file, short = FILES[name], RUNS[name]
     if missing := [package for package in short.packages.split() if find_spec(package) is None]:
         pytest.skip(f'needs {", ".join(missing)}: pip install -e ".[clients]"')
-    if file.parent.name == "clients":  # they start processes of their own, and some warn
+    if file.parent.name == "clients":  # clients start processes, and some of them warn
         command = [sys.executable, str(file), *short.options.split()]
         run = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False, timeout=600)
         assert run.returncode == 0, run.stderr
@@ -73,7 +73,7 @@ def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pyt
         monkeypatch.chdir(where)
         monkeypatch.setattr(sys, "argv", [str(file), *short.options.split()])
         short_episodes(monkeypatch, 300)
-        without_report(monkeypatch)  # 30 plots
+        without_report(monkeypatch)  # the report has 30 plots
         with contextlib.suppress(SystemExit):
             runpy.run_path(str(file), run_name="__main__")
         printed = capfd.readouterr().out
@@ -81,6 +81,6 @@ def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pyt
 
 
 def test_every_file_is_run_and_listed() -> None:
-    assert set(FILES) == {*RUNS, "residual_ppo"}  # a whole learner, which has tests of its own
+    assert set(FILES) == {*RUNS, "residual_ppo"}  # a complete learner, with its own tests
     rows = re.findall(r"^\| \[[\w/]+\.py\]\(([^)]+)\) \|", (FOLDER / "README.md").read_text("utf-8"), re.MULTILINE)
     assert sorted(FOLDER / link for link in rows) == sorted(FILES.values())

@@ -1,4 +1,4 @@
-"""Another learner on the environment of the residual: PPO in one file learns and writes its files."""
+"""Another learner on the residual environment: PPO in one file learns and writes its files."""
 
 from typing import Any
 
@@ -19,8 +19,7 @@ from train.residual_env import ResidualVectorEnv
 
 
 class Aim(VectorEnv[Any, Any, Any]):
-    """Vector environment that rewards actions near the observation, with 16 robots and truncated episodes of ten
-    steps."""
+    """Vector environment that rewards actions near the observation: 16 robots, truncated episodes of ten steps."""
 
     num_envs = 16
     single_observation_space = Box(-1.0, 1.0, (2,), np.float32)
@@ -54,7 +53,7 @@ def test_it_learns_what_it_is_paid_for(monkeypatch) -> None:
     assert rewards[-1] > 0.5 * rewards[0]
     seen = torch.rand(1000, 2) * 2.0 - 1.0
     off = (learner.actor(seen) - seen).square().sum(1).mean()
-    assert off < 0.1  # of 2/3 at first
+    assert off < 0.1  # 2/3 at the start
 
 
 def test_advantages_are_by_hand_those_of_two_robots_one_of_which_ends() -> None:

@@ -88,9 +88,8 @@ def test_the_imu_measures_its_own_weight_and_every_change_of_its_velocity(record
     means = (places[1:] - places[:-1]) / 0.01  # mean velocities over the steps
     turned = [np.array(rotation_matrix(step.infos["quaternion"][0])) for step in steps]
     forces = np.array([rotation @ force for rotation, force in zip(turned, felt, strict=True)])
-    gained = 0.01 * np.cumsum(
-        forces - np.array([0.0, 0.0, 9.81]), axis=0
-    )  # change of the velocities at the ends of the steps
+    # Change of the velocities at the ends of the steps.
+    gained = 0.01 * np.cumsum(forces - np.array([0.0, 0.0, 9.81]), axis=0)
     differing = 0.5 * (gained[1:-1] + gained[2:])  # change of the mean velocities over steps
     differing -= differing[0]
     assert np.sqrt(np.mean((differing - (means[1:] - means[1])) ** 2)) < 0.05
@@ -164,9 +163,8 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     assert [stamp // 10_000_000 for stamp, _ in decoded["/cmd_vel"]] == [*range(30), *range(31, 51)]
     lines = [(at, line) for at, line in events_of(decoded) if not line.startswith("command")]
     assert lines == [(31, "reset")]
-    assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(
-        9.81, abs=0.5
-    )  # continuous from one episode to the next
+    # The velocity is continuous from one episode to the next.
+    assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)
 
 
 def finished(path: Path) -> Decoded:

@@ -1,4 +1,4 @@
-"""Faults planted into the real code: each must turn a named check red that passes on the code as it is."""
+"""Faults planted into the real code: each fault must let a named check fail that passes without the fault."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
@@ -9,16 +9,16 @@ import pytest
 Plant = Callable[[pytest.MonkeyPatch], None]
 Check = Callable[[], None]
 Faults = Mapping[str, tuple[Plant, Check]]
-"""What plants a fault and the check that must fail with it, by the fault's name."""
+"""Name of a fault -> function that plants the fault, and the check that must fail with it."""
 
 
 def checks_of(module: Mapping[str, Any]) -> list[Check]:
-    """The functions of a module, given by its `globals()`, whose names begin with `check_`."""
+    """Return the functions of a module, given by its `globals()`, with names that start with `check_`."""
     return [value for name, value in sorted(module.items()) if name.startswith("check_")]
 
 
 def one_call_old(owner: type, name: str) -> Plant:
-    """What that method of an object gives is what it gave the time before."""
+    """Return a fault: a method of an object returns the result of its previous call."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
         last: dict[int, Any] = {}
@@ -36,9 +36,9 @@ def one_call_old(owner: type, name: str) -> Plant:
 
 
 def fault_tests(checks: Sequence[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
-    """Three tests of these checks and faults, for pytest to find in the module that they are assigned in.
+    """Return three tests of these checks and faults, for pytest to find in the module of the assignment.
 
-    Every check passes on the code as it is, every fault turns its check red, and no check is without a fault.
+    Every check passes without a fault, every fault lets its check fail, and every check has a fault.
     """
 
     @pytest.mark.parametrize("check", checks, ids=lambda check: check.__name__.removeprefix("check_"))

@@ -1,4 +1,4 @@
-"""Faults of Drake's plant, planted into the real code: each must turn a named check red."""
+"""Faults of Drake's plant, planted into the real code: each must let a named check fail."""
 
 from typing import Any
 
@@ -29,15 +29,15 @@ SPHERE = """
   </worldbody>
 </mujoco>
 """
-"""A sphere that is too sluggish to roll."""
+"""Sphere with too much inertia to roll."""
 
 
 def slide(speed: float, ground: float, priority: int, seconds: float = 0.05) -> tuple[float, float]:
-    """Deceleration of a sphere that slides at that speed, m/s², and how far it is lifted, m."""
+    """Return the deceleration of a sphere that slides at a speed, m/s², and its lift, m."""
     model = mujoco.MjModel.from_xml_string(SPHERE.format(ground=ground, priority=priority))
     sphere, ids = DrakeBatch(model, 1), np.arange(1)
     sphere.reset(ids)
-    sphere.step(ids, 500)  # it comes to rest on the ground
+    sphere.step(ids, 500)  # the sphere comes to rest on the ground
     start, velocity = sphere.bind("qpos")[0, 2], sphere.bind("qvel")[0]
     velocity[0], heights = speed, []
     for _ in range(round(seconds / model.opt.timestep)):
@@ -47,7 +47,7 @@ def slide(speed: float, ground: float, priority: int, seconds: float = 0.05) -> 
 
 
 def check_friction_is_mujocos() -> None:
-    """The ground's alone where it has priority, else the larger; nothing that slides is lifted."""
+    """The friction is the ground's if it has priority, else the larger of both; sliding objects are not lifted."""
     for speed in (1.0, 4.6):
         for ground, priority, coefficient in ((0.8, 0, 0.8), (0.2, 1, 0.2), (0.2, 0, 0.8)):
             deceleration, lift = slide(speed, ground, priority)
@@ -56,7 +56,7 @@ def check_friction_is_mujocos() -> None:
 
 
 def flight() -> tuple[mujoco.MjModel, DrakeBatch]:
-    """The robot without servos and bearings, thrown and spinning, all joints turning."""
+    """Return the robot without servos and joint damping, thrown with a spin, with moving joints."""
     model = compile_model(SIMPLE_QUAD, scenario("flat"))
     model.actuator_gainprm[:] = model.actuator_biasprm[:] = model.dof_damping[:] = 0.0
     model.opt.timestep = 1e-4
@@ -68,8 +68,10 @@ def flight() -> tuple[mujoco.MjModel, DrakeBatch]:
 
 
 def check_energy_is_kept_in_flight() -> None:
-    """Kinetic and potential energy by MuJoCo of the states that Drake gives, within 0.1 % of the kinetic one; the
-    error halves with the time step."""
+    """Kinetic and potential energy, by MuJoCo from Drake's states, are constant within 0.1 % of the kinetic energy.
+
+    The error halves with the time step.
+    """
     model, flying = flight()
     energies = []
     for _ in range(2):
@@ -83,7 +85,7 @@ def check_energy_is_kept_in_flight() -> None:
 
 
 def unmatched_friction(patch: pytest.MonkeyPatch) -> None:
-    """Geoms have their own coefficients, which Drake combines by the harmonic mean."""
+    """Plant a fault: geoms have their own coefficients, which Drake combines by the harmonic mean."""
     patch.setattr(plant, "_drake_frictions", lambda model, geoms, _: model.geom_friction[geoms, 0])
 
 

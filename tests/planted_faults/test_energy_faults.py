@@ -1,4 +1,4 @@
-"""Faults of measured work, planted into the real code: each must turn a named check red."""
+"""Faults of measured work, planted into the real code: each must let a named check fail."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -16,11 +16,11 @@ from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.robot_models import NEEDS_MODELS
 
 RATE = 500.0
-"""Hz; every control step is one physics step, so that each can be looked at."""
+"""Hz. Every control step is one physics step, so that each physics step is visible."""
 
 
 class Robot:
-    """One robot that stands up from a crouch, walks ahead and is pushed, looked at after each physics step."""
+    """One robot that stands up from a crouch, walks ahead and is pushed, with readings after each physics step."""
 
     def __init__(self, robot: str = "simple_quad", policy: str = "trot", **options: Any) -> None:
         self.policy = policies.make(policy, robot=robot)
@@ -31,7 +31,7 @@ class Robot:
         self.model, self.data = self.simulation.model, mujoco.MjData(self.simulation.model)
 
     def walk(self, seconds: float) -> Iterator[dict[str, np.ndarray]]:
-        """The readings of each physics step."""
+        """Yield the readings of each physics step."""
         self.policy.reset(1)
         observation, _ = self.env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
         crouch = np.zeros((1, 35))
@@ -50,7 +50,7 @@ class Robot:
 
     @property
     def energy(self) -> float:
-        """Kinetic and potential energy by MuJoCo, J."""
+        """Return kinetic and potential energy by MuJoCo, J."""
         self.data.qpos[:], self.data.qvel[:] = self.simulation.qpos[0], self.simulation.qvel[0]
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_energyPos(self.model, self.data)
@@ -59,7 +59,10 @@ class Robot:
 
 
 def motor_work_and_what_it_became(**robot: Any) -> tuple[float, float]:
-    """The motors' net work, J, and the change of energy, the losses in bearings and contacts, less the push's work."""
+    """Return the motors' net work, J, and its balance: change of energy plus losses minus the work of the push, J.
+
+    Losses are in joint damping and contacts.
+    """
     walking = Robot(**robot)
     batch, model, start = walking.simulation.batch, walking.model, None
     contact, bearings = batch.bind("qfrc_constraint"), model.dof_damping
@@ -67,10 +70,10 @@ def motor_work_and_what_it_became(**robot: Any) -> tuple[float, float]:
     before = walking.simulation.qvel[0].copy()
     for step, read in enumerate(walking.walk(1.0)):
         after = walking.simulation.qvel[0].copy()
-        if step:  # the first leads from the crouch, whose energy is not known yet
+        if step:  # the first step starts in the crouch, before the energy is known
             mean = 0.5 * (before + after)
             work += float((read["positive_work"] - read["regeneration"]).sum())
-            force = -contact[0] + bearings * after  # implicitly integrated
+            force = -contact[0] + bearings * after  # implicit integration
             force[:2] -= walking.simulation.push[0]
             losses += float(force @ mean) / RATE
         else:
@@ -87,7 +90,7 @@ def check_the_energy_balance_closes() -> None:
 
 
 def check_joints_receive_what_the_equation_of_motion_needs(**options: Any) -> None:
-    """M (v' − v) / h = all forces, of which the motors' is what the others leave over."""
+    """M (v' − v) / h is the sum of all forces; the motor forces are the difference to the other forces."""
     robot = Robot(**options)
     simulation, model, data = robot.simulation, robot.model, robot.data
     bias, contact = (simulation.batch.bind(name) for name in ("qfrc_bias", "qfrc_constraint"))
@@ -104,7 +107,7 @@ def check_joints_receive_what_the_equation_of_motion_needs(**options: Any) -> No
 
 
 def check_work_is_that_of_every_physics_step() -> None:
-    """The same walk, at 100 Hz and looked at in each of its physics steps."""
+    """The same walk is measured at 100 Hz and in each of its physics steps."""
     fine, coarse = Robot(), Robot()
     coarse.env = SimpleQuadVectorEnv(1, "flat", nthread=1, readings=True)
     for robot in (fine, coarse):
@@ -117,7 +120,8 @@ def check_work_is_that_of_every_physics_step() -> None:
         np.testing.assert_array_equal(whole["joint_velocity"], parts[-1]["joint_velocity"])
         for name in (*JOINT_READINGS, "foot_impulse"):
             each = np.array([part[name] for part in parts])
-            if name not in ("joule_heat", "torque_change"):  # none without a curve; of means over control steps
+            # Motors without a curve have no Joule heat; torque changes are means over control steps.
+            if name not in ("joule_heat", "torque_change"):
                 of_step = {"mean_torque": each.mean(0)}.get(name, each.max(0) if "peak" in name else each.sum(0))
                 np.testing.assert_allclose(whole[name], of_step, atol=1e-9, err_msg=name)
 
@@ -163,7 +167,7 @@ test_the_code_passes, test_a_planted_fault_is_found, test_every_check_finds_one 
     ids=str,
 )
 def test_both_hold_with_motors_and_on_another_robot(options: dict[str, Any]) -> None:
-    """Motors with a curve brake by themselves; the joints of go1 have dry friction."""
+    """Motors with a curve have their own damping; the joints of go1 have dry friction."""
     work, became = motor_work_and_what_it_became(**options)
     assert work == pytest.approx(became, rel=0.02)
     check_joints_receive_what_the_equation_of_motion_needs(**options)

@@ -1,7 +1,7 @@
-"""Faults that would spoil every figure, planted into the real code: each must turn a named check red.
+"""Faults that would affect every number, planted into the real code: each must let a named check fail.
 
-A check asks the environment or the evaluator for something that physics, geometry or the contract settles without
-them. It passes on the code as it is, and fails with the fault.
+A check compares the environment or the evaluator with physics, geometry or the contract. It passes without a fault, and
+fails with its fault.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4)
 
 
 def walk(env: gym.Env, command: tuple[float, float, float]):
-    """Observation, reward, info and a snapshot of MuJoCo's own data after each of 30 steps of the trot."""
+    """Return observation, reward, info and a snapshot of MuJoCo's data after each of 30 steps of the trot."""
     policy = policies.make("trot")
     policy.reset()
     observation, _ = env.reset(seed=1, options={"command": command})
@@ -48,19 +48,19 @@ def part(observation: np.ndarray, name: str) -> np.ndarray:
 
 
 def trunk_axes(data: mujoco.MjData) -> np.ndarray:
-    """Columns: the trunk's x, y and z axes in the world, by MuJoCo's own kinematics."""
+    """Return the trunk's x, y and z axes in the world as columns, by MuJoCo's kinematics."""
     return data.body("base_link").xmat.reshape(3, 3)
 
 
 def heading_velocity(data: mujoco.MjData) -> tuple[float, float, float]:
-    """Forward and lateral velocity of the trunk along its nose and to its left, m/s; yaw rate, rad/s."""
+    """Return the forward and lateral velocity of the trunk, heading frame, m/s, and the yaw rate, rad/s."""
     axes = trunk_axes(data)
     nose = axes[:2, 0] / np.linalg.norm(axes[:2, 0])
     return nose @ data.qvel[:2], nose[0] * data.qvel[1] - nose[1] * data.qvel[0], axes[2] @ data.qvel[3:6]
 
 
 def check_joints_move_when_their_own_target_does() -> None:
-    """A target that differs from the home pose in one entry moves the joint of that name, most of all."""
+    """A target that differs from the home pose in one entry moves the joint of that name more than all others."""
     env = gym.make("SimpleQuad-v0", terminate_on_fall=False)
     for index, name in enumerate(quad_env.JOINT_NAMES):
         target = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -74,7 +74,7 @@ def check_joints_move_when_their_own_target_does() -> None:
 
 
 def check_readings_are_mujocos_of_this_step() -> None:
-    """Frames, axes and joints by their names: every reading is the one worked out from MuJoCo's data."""
+    """Every reading equals the value from MuJoCo's data, with its frame, axes and joint names."""
     env = gym.make("SimpleQuad-v0")
     for observation, _, info, data in walk(env, (0.5, 0.0, 0.0)):
         axes = trunk_axes(data)
@@ -89,7 +89,7 @@ def check_readings_are_mujocos_of_this_step() -> None:
 
 
 def check_standing_to_the_time_limit_is_no_fall() -> None:
-    """A robot that stands until the time is up has not fallen, and is billed nothing for it."""
+    """A robot that stands until the time limit has not fallen, and has no errors from a fall."""
     episodes = rollout.run(policies.make("stand"), "flat", evaluation_seeds(0, 3), steps=150)
     measures = metrics.measure(episodes)
     assert not measures.fell.any()
@@ -98,14 +98,14 @@ def check_standing_to_the_time_limit_is_no_fall() -> None:
 
 
 def check_evaluation_seeds_are_never_drawn_elsewhere() -> None:
-    """Every seed of the evaluator is of its family, which `test_seeding` holds to be apart from the others."""
+    """Every seed of the evaluator is in its family, which is disjoint from the others (`test_seeding`)."""
     evaluated = {int(seed) for run in range(20) for seed in evaluation_seeds(run, 512)}
     assert {seeding.PURPOSES[seed >> 48] for seed in evaluated} == {"evaluation"}
     assert min(evaluated) >= 2**48, "small seeds are the ones that people type"
 
 
 def check_rewards_are_their_terms_of_this_step() -> None:
-    """Tracking, tilt and vertical velocity are those of MuJoCo's data after the step, weighted as documented."""
+    """Tracking, tilt and vertical velocity equal those of MuJoCo's data after the step, with the documented weights."""
     env = gym.make("SimpleQuad-v0", scenario=TILTED)
     forward, lateral, wanted_yaw_rate = command = (0.6, -0.3, 0.8)
     for _, reward, info, data in walk(env, command):
@@ -125,7 +125,7 @@ def check_rewards_are_their_terms_of_this_step() -> None:
 
 
 def check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands() -> None:
-    """Positive lateral command: along the trunk's own left; positive yaw rate: anticlockwise seen from above."""
+    """A positive lateral command goes to the trunk's left; a positive yaw rate is anticlockwise seen from above."""
     for command in ((0.0, 0.4, 0.0), (0.0, 0.0, 0.8)):
         env = gym.make("SimpleQuad-v0")
         policy = policies.make("trot")
@@ -150,7 +150,7 @@ def tracking_negated(patch: pytest.MonkeyPatch) -> None:
 
 
 def command_turned(index: int) -> Plant:
-    """Policies see that entry of the command with the other sign."""
+    """Return a fault: policies observe an entry of the command with the opposite sign."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
         true_act = Policy.act
@@ -167,7 +167,7 @@ def command_turned(index: int) -> Plant:
 
 
 def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
-    """Every reading of the simulation passes through `change`."""
+    """Return a fault: every reading of the simulation passes through `change`."""
     true_state = Simulation.state
 
     def faulty(self: Simulation, *args: Any) -> QuadState:

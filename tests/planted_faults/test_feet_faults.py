@@ -1,6 +1,6 @@
-"""Faults of the feet's readings, planted into the real code: each must turn a named check red.
+"""Faults of the feet's readings, planted into the real code: each must let a named check fail.
 
-What is checked is what reward terms are shown.
+Checks use the state that reward terms get.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ LEGS = len(SIMPLE_QUAD.leg_names)
 
 
 class Walk:
-    """Robots that trot, and the swings that reward terms are shown at each step, (n, 4)."""
+    """Trotting robots, and the swing times that reward terms get in each step, (n, 4)."""
 
     def __init__(self, num_envs: int, scenario: Any = "flat", **options: Any) -> None:
         config = quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(foot_air_time=1.0, touchdown_speed=-1.0))
@@ -39,18 +39,18 @@ class Walk:
         return state
 
     def heights(self) -> np.ndarray:
-        """Of the feet as the last physics step found them, (n, 4), m."""
+        """Return the foot heights after the last physics step, (n, 4), m."""
         simulation = self.env.simulation
         return simulation.batch.bind("site_xpos")[:, simulation._feet, 2].copy()
 
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Contacts, of the last substep, which `test_readings` holds against MuJoCo's own list, and times of swings."""
+        """Return contacts of the last substep, which `test_readings` compares with MuJoCo's list, and swing times."""
         self.observation, *_, infos = self.env.step(self.policy.act(self.observation))
         return infos["foot_contact"], self._shown
 
 
 def check_swings_are_counted_by_their_steps_in_the_air() -> None:
-    """Against an account of each foot's contacts, step by step; the first robot is restarted once."""
+    """Swing times equal those from each foot's contacts, step by step; the first robot is reset once."""
     walk, period = Walk(3, autoreset_mode="DISABLED"), 0.01
     air, swings, bounces = np.zeros((3, LEGS), int), 0, 0
     for step in range(150):
@@ -70,7 +70,7 @@ def check_swings_are_counted_by_their_steps_in_the_air() -> None:
 
 
 def check_a_touchdown_s_speed_is_that_of_the_step_before_it() -> None:
-    """Against the feet's heights; where a foot has landed it is already slow."""
+    """The speed equals that of the foot heights before; a foot is slow after its landing."""
     walk, touchdowns = Walk(3), []
     heights = [walk.heights()]
     for _ in range(100):
@@ -85,7 +85,7 @@ def check_a_touchdown_s_speed_is_that_of_the_step_before_it() -> None:
 
 
 def of_the_landing(patch: pytest.MonkeyPatch) -> None:
-    """Speeds of the step in which the foot was braked."""
+    """Plant a fault: speeds are those of the step in which the ground stops the foot."""
     true_update = FootContactTracker.update
 
     def update(self: FootContactTracker, ids: Any) -> None:
@@ -100,7 +100,7 @@ def bounces_counted(patch: pytest.MonkeyPatch) -> None:
 
 
 def begun(change: Callable[[Any], Any]) -> Plant:
-    """Swings begin anew of `change` of the robots that should."""
+    """Return a fault: swing times are reset for `change` of the robots."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
         true_begin = FootContactTracker.reset

@@ -1,4 +1,4 @@
-"""Faults in controllers that survive by not doing what they are asked to."""
+"""Faults of controllers that stay upright without following their commands."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ AHEAD = CommandRanges(forward=(0.5, 0.5), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0
 
 
 def speed_on_rough_ground(parameters: VirtualParameters) -> float:
-    """Mean forward velocity after 2 s of 4 robots told to walk at 0.5 m/s on nominal rough ground, m/s."""
+    """Return the mean forward velocity after 2 s of 4 robots at a command of 0.5 m/s on nominal rough ground, m/s."""
     scenario = replace(with_terrain_seed("rough", "search"), commands=AHEAD)
     episodes = rollout.run(TrotFeedback(parameters), scenario, episode_seeds("search", 5, 4), nthread=1, steps=450)
     return float(episodes.heading_velocity[200:, :, 0].mean())

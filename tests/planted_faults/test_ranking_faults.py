@@ -1,4 +1,4 @@
-"""Faults of the ranking: neighbours compared unpaired, by single scenarios, or without the correction."""
+"""Faults of the ranking: adjacent policies compared unpaired, by single scenarios, or without the correction."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ AXES = "flat", "push", "rough"
 
 
 def results(**failed: np.ndarray) -> Results:
-    """Policies on three axes, from which episodes of each fail on every axis but flat."""
+    """Return the results of policies on three axes; `failed` has the failures of each on every axis except flat."""
     cells = [
         outcomes(policy, of & (name != "flat"), None, battery.resolve_single(name))
         for policy, of in failed.items()
@@ -25,7 +25,7 @@ def results(**failed: np.ndarray) -> Results:
 
 
 def check_a_small_difference_in_the_same_episodes_is_shown() -> None:
-    """Half of the episodes are hard for both; eight more fail for one of them."""
+    """Half of the episodes are hard for both policies; eight more fail for one of them."""
     hard = np.arange(COUNT) % 2 == 0
     more = hard | (np.arange(COUNT) < 16)
     (found,) = results(trot=more, better=hard).ranking.neighbours
@@ -33,7 +33,7 @@ def check_a_small_difference_in_the_same_episodes_is_shown() -> None:
 
 
 def check_one_difference_of_six_in_a_row_takes_more_than_five_per_cent() -> None:
-    """Six of thirty, p = 2/2⁶, is no claim among five neighbours."""
+    """Six of thirty, p = 2/2⁶, is not significant for five adjacent pairs."""
     policies = {f"p{k}": np.arange(COUNT) < min(6 * (k > 2), COUNT) for k in range(6)}
     neighbours = results(**policies).ranking.neighbours
     assert min(each.p_value for each in neighbours) < 0.05

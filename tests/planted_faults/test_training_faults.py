@@ -1,4 +1,4 @@
-"""Faults in training, validation and searches: what episodes, ground and settings really reach the robots and PPO."""
+"""Faults in training, validation and searches: episodes, terrain and settings that reach the robots and PPO."""
 
 from dataclasses import replace
 from functools import partial
@@ -44,20 +44,20 @@ SCALE = SCAN.term.scale
 
 
 BRIEF = 120
-"""Control steps of an episode, just longer than the second that measures leave out."""
+"""Number of control steps of an episode, just longer than the second that the measures leave out."""
 
 
 EXAM_SURFACE = SCENARIOS["rough"].terrain.seed  # type: ignore[union-attr]
 
 
 def families(found: list[Batch]) -> set[str]:
-    """Purposes that the seeds belong to."""
+    """Return the purposes of the seeds."""
     assert found
     return {PURPOSES[seed >> 48] for batch in found for seed in batch.seeds}
 
 
 def surfaces(found: list[Batch]) -> set[int]:
-    """Seeds of the random ground that was walked on."""
+    """Return the seeds of the random terrain of the batches."""
     grounds = [batch.env.scenario.terrain for batch in found]
     seeds = {ground.seed for ground in grounds if isinstance(ground, SmoothRandom)}
     assert seeds
@@ -119,7 +119,7 @@ def check_validation_and_training_have_the_hardware_profile() -> None:
 
 
 def check_training_robots_are_randomised() -> None:
-    """Each has mass, friction and servos of its own, other ones in its next episode, and offset encoders."""
+    """Each robot has its own mass, friction and servos, new ones in its next episode, and encoders with offsets."""
     config = replace(SMALL, curriculum=0.4, mixture=(("flat+randomised", 0.5), ("rough=0.2+randomised", 0.5)))
     with begun() as starts:
         env = make_env(config)
@@ -157,7 +157,7 @@ def check_a_sighted_network_sees_the_ground_about_its_robot_now() -> None:
 
 
 def points_about(qpos: np.ndarray) -> np.ndarray:
-    """x and y of the points of SCAN about robots with these positions, (2, n, p), m."""
+    """Return x and y of the points of SCAN around robots at given positions, (2, n, p), m."""
     w, x, y, z = qpos[:, 3:7].T
     heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
     ahead, left = SCAN.points.T
@@ -167,7 +167,7 @@ def points_about(qpos: np.ndarray) -> np.ndarray:
 
 
 def a_step_ago(patch: pytest.MonkeyPatch) -> None:
-    """Networks see the height scan of the control step before."""
+    """Plant a fault: networks observe the height scan of the previous control step."""
     true_see, before = Features.update, {}
 
     def see(features: Features, observation: np.ndarray, base_action: np.ndarray) -> np.ndarray:
@@ -180,13 +180,13 @@ def a_step_ago(patch: pytest.MonkeyPatch) -> None:
 
 
 def scan_kept(patch: pytest.MonkeyPatch) -> None:
-    """What makes a scenario milder forgets that its scan is lost."""
+    """Plant a fault: a milder scenario loses its loss of the scan."""
     true_eased = training_robots.at_difficulty
     patch.setattr(training_robots, "at_difficulty", lambda *args: replace(true_eased(*args), scan_lost=False))
 
 
 def figures(robots: Any, row: int) -> dict[str, float]:
-    """Of a robot's own model: what it would move by."""
+    """Return the dynamics parameters of a robot's own model."""
     robots.simulation.sync_model(row)
     model = robots.simulation.model
     trunk = model.body("base_link")
@@ -202,13 +202,13 @@ def figures(robots: Any, row: int) -> dict[str, float]:
 
 
 def strayed(robots: Any) -> np.ndarray:
-    """What the joint angles that each robot observes are off, (n, 12), rad."""
+    """Return the error of the joint angles that each robot observes, (n, 12), rad."""
     shown = robots._observation[:, OBSERVATION["joint_position"]] + robots.robot.home_pose
     return np.asarray(shown - robots.simulation.qpos[:, 7:])
 
 
 def drawn_once(patch: pytest.MonkeyPatch) -> None:
-    """Every robot and every episode has the same figures."""
+    """Plant a fault: every robot and every episode has the same parameters."""
     true_draw, first = DomainRandomisation.draw, EpisodeStreams(0, 0).randomisation
     drawn = true_draw(DomainRandomisation(), 12, first)
     patch.setattr(DomainRandomisation, "draw", lambda *_: drawn)

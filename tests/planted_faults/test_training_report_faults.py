@@ -1,4 +1,4 @@
-"""Faults in the reports of trainings: whose validations a curve shows, what its band is over, and the time left."""
+"""Faults in the reports of trainings: validations of a curve, runs of its band, and remaining time."""
 
 import tempfile
 from pathlib import Path
@@ -44,7 +44,7 @@ def check_the_time_left_has_the_validations_in_it() -> None:
 
 
 def over_one_run(self: SeedBand) -> Any:
-    """A band over the validations of the first run."""
+    """Return a band over the validations of the first run only."""
     figures = self.runs[0].figures
     mean, low, high = (of(figures, axis=1, keepdims=True) for of in (np.mean, np.min, np.max))
     return tuple(np.broadcast_to(each, figures.shape) for each in (mean, low, high))

@@ -1,4 +1,4 @@
-"""Faults of the two worlds, with the robot's hardware profile and without it: what reaches robots and tables."""
+"""Faults of runs with and without the hardware profile: the options that reach robots and tables."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ MAKERS = "35 N·m/rad and 0.5 N·m·s/rad"
 
 
 def cells() -> list[PolicyScenarioResult]:
-    """Everything succeeds without the profile, nothing with it."""
+    """Return cells in which every episode without the profile succeeds, and none with it."""
     names = ("flat", "push:2", "push:3", "push:4")
     return [
         outcomes("trot", np.full(8, real), None, battery.resolve_single(name + real * "+hardware"))

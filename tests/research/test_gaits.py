@@ -1,6 +1,4 @@
-"""Measured gaits: strides from contacts, numbers and figures on the pages of controllers, and
-the list of these pages.
-"""
+"""Measured gaits: strides from contacts, numbers and figures on the pages of controllers, and the list of pages."""
 
 import re
 from pathlib import Path

@@ -220,9 +220,8 @@ def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path
 def test_a_damaged_or_unfinished_run_is_not_published(file, change, complaint, runs, tmp_path, refused):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
-    (folder / "checkpoints" / "000000000000.json").unlink(
-        missing_ok=True
-    )  # otherwise the run would resume from this checkpoint
+    # Otherwise the run would resume from this checkpoint.
+    (folder / "checkpoints" / "000000000000.json").unlink(missing_ok=True)
     before = (folder / file).read_bytes()
     (folder / file).write_text(change(before.decode(errors="replace")), encoding="utf-8")
     assert (folder / file).read_bytes() != before

@@ -181,9 +181,8 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert found["rank_correlation"]["policies"] == ["document", "stand", "trot"]
     assert found["rank_correlation"]["scores"][1] == [0.0, 1.0, 0.0]
-    assert found["rank_correlation"]["correlation"] == pytest.approx(
-        -0.5
-    )  # one pair of three is tied in each run, and one is reversed
+    # One pair of three is tied in each run, and one is reversed.
+    assert found["rank_correlation"]["correlation"] == pytest.approx(-0.5)
     assert {match["p_value_holm"] for match in found["comparisons"]} != {None}
     said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")[1]
     assert "fewer than 3 policies" in said

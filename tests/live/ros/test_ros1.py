@@ -61,9 +61,8 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
 
 def test_the_robot_marches_as_the_node_has_it_and_stands_up_once_that_is_killed(story: Story) -> None:
     targets = story.walk.targets
-    begin = (
-        int(np.flatnonzero(np.any(targets != targets[0], axis=1))[0]) + CYCLE
-    )  # the robot follows the targets from here on
+    # The robot follows the targets from here on.
+    begin = int(np.flatnonzero(np.any(targets != targets[0], axis=1))[0]) + CYCLE
     marched = slice(begin, begin + 4 * CYCLE)
     published = np.clip(story.table, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper).astype(np.float32)
     assert {tuple(row) for row in targets[marched].tolist()} <= {tuple(row) for row in published.tolist()}

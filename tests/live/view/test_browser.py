@@ -1,6 +1,4 @@
-"""A user's session with the live view: the command, a browser, keys, and the resulting state
-of the robot on the page.
-"""
+"""A user's session with the live view: the command, a browser, keys, and the robot's state on the page."""
 
 import math
 import re

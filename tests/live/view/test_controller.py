@@ -105,9 +105,8 @@ def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second
         driver.handle(Request("reset", {"seed": driver.sessions[0].seed}))
         assert positions() == found
     assert found[0] == found[1]
-    driver.handle(
-        Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"})
-    )  # from the start again, though it sees more
+    # The episode restarts, although the new policy has a height scan.
+    driver.handle(Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"}))
     assert driver.state()["time"] == 0.0
     assert positions()[0] == found[0] != positions()[1]
     first, second = (session.env.pushes.force[0].tolist() for session in driver.sessions)

@@ -111,9 +111,8 @@ def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(tar
     limits = SafetyLimits(torque=torque)
     result = limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds)
     asked = SIMPLE_QUAD.servo_stiffness * (result - joints) - SIMPLE_QUAD.servo_damping * speeds
-    inside = (result > SIMPLE_QUAD.joint_lower) & (
-        result < SIMPLE_QUAD.joint_upper
-    )  # at the end of the joint, its range limits
+    # The range limits the target at the end of the joint.
+    inside = (result > SIMPLE_QUAD.joint_lower) & (result < SIMPLE_QUAD.joint_upper)
     assert (np.abs(asked[inside]) <= torque + 1e-9).all()
     assert ((result >= SIMPLE_QUAD.joint_lower) & (result <= SIMPLE_QUAD.joint_upper)).all()
 
