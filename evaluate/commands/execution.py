@@ -169,7 +169,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
     Args:
         plan: Checked options, policies and scenarios of the run.
         store: Store of finished chunks (subsets of episodes that are simulated together).
-        interrupt: Ctrl-C handler, checked during the simulation.
+        interrupt: Handler of Ctrl-C; the function checks it during the simulation.
 
     Yields:
         The result of each pair as soon as all of its episodes are finished.

@@ -138,8 +138,8 @@ ISAAC_LAB = "isaac-lab"
 
 The thresholds are `vel_xy_success_threshold` and `vel_yaw_success_threshold` of `UniformVelocityCommandCfg`,
 isaac-sim/IsaacLab#5415. Isaac Lab averages the errors in the body frame up to the end of the episode, so a robot that
-falls can succeed. In this project a fall is a failure, velocities are in the heading frame, and the first second does
-not count.
+falls can succeed. In this project a fall is a failure, velocities are in the heading frame, and the first second is
+excluded from the errors.
 """
 RULES = {
     rule.name: rule

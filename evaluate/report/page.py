@@ -86,7 +86,7 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
 
 
 def _head(results: Results, made_by: Origin) -> str:
-    """Render the head of the report as HTML: verdict, extent and origin of the run, and warnings."""
+    """Render the head of the report as HTML: best policy, size and origin of the run, and warnings."""
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in list_warnings(results))

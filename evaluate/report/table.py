@@ -30,7 +30,8 @@ def print_results(results: Results, console: Console) -> None:
     """Print the ranking, and then a table of the results, on a `console`.
 
     The table shows all metrics for up to MAX_DETAILED_SCENARIOS scenarios. For more scenarios it shows only success.
-    The verdict is then repeated below the table, because the first one may have scrolled off the screen.
+    In this case the sentence with the best policy is printed again below the table, because its first print may have
+    scrolled off the screen.
 
     Args:
         results: Results of a run.
@@ -63,7 +64,7 @@ def print_levels(results: Results, console: Console) -> None:
 
 
 def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] = ()) -> None:
-    """Print the verdict, the table of the ranking, and a line for each pair of adjacent policies.
+    """Print a sentence with the best policy, the ranking, and a line for each pair of adjacent policies.
 
     Args:
         ranked: Ranking of the policies.

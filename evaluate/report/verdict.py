@@ -95,15 +95,15 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
 
 
 def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
-    """Return the two texts of `best_and_worst` for one policy.
+    """Return the disturbance axes on which one policy is best, and on which it is worst, as two texts.
 
-    The first text is empty if there is only one disturbance axis, or if all axes have the same success below 100 %.
+    The first text is empty if there is only one axis, or if all axes have the same success below 100 %.
 
     Args:
         on_axes: Success of the policy on each axis, the highest first.
 
     Returns:
-        Text on the best axes, and text on the worst axes.
+        Text with the best axes, and text with the worst axes and the most common cause of failure on each.
     """
     if not on_axes:
         return "", ""

@@ -70,7 +70,7 @@ class RunSettings:
     steps: int = field(default_factory=lambda: rollout.STEPS)
     """Maximum number of control steps of an episode."""
     executor: Executor | None = None
-    """Function that runs the tasks (subsets of episodes); None to run them one after the other in this process."""
+    """Function that runs the tasks (subsets of episodes); if it is None, this process runs one after the other."""
     hardware: HardwareConfig = IDEAL
     """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
 
