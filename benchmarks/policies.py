@@ -132,7 +132,7 @@ def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str,
     steps = options.steps
 
     def timed_function(name: str) -> TimedFunction:
-        policy = policies.resolve(name)
+        policy = policies.resolve(name, servo="own")
         observations, _ = gym.make_vec(ENV_ID, num_envs, height_scan=policy.height_scan).reset(seed=0)
         policy.reset(num_envs)
 
@@ -162,7 +162,7 @@ def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[
     data = bare.BareLoop(start).data
 
     def action(name: str) -> Callable[[], object]:
-        policy = policies.resolve(name)
+        policy = policies.resolve(name, servo="own")
         observation, _ = gym.make(ENV_ID, height_scan=policy.height_scan).reset(seed=0)
         policy.reset()
         return lambda: policy.act(observation)

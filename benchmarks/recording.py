@@ -86,7 +86,7 @@ def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[st
         (rounds,), s.
     """
     steps = round(options.seconds / CONTROL_PERIOD)
-    policy = policies.resolve(name)
+    policy = policies.resolve(name, servo="own")
     durations: dict[str, list[tuple[float, ...]]] = {}
 
     def timed_function(kind: str) -> TimedFunction:

@@ -181,7 +181,7 @@ class TrotEnv:
 
     def __init__(self, name: str, start: bare.InitialStates, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
-        self._policy = policies.make("trot", robot=robot)
+        self._policy = policies.make("trot", robot=robot, servo="own")
         self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
             ENV_ID, count, scenario=name, nthread=threads, robot=self._policy.robot
         )

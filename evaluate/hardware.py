@@ -34,7 +34,7 @@ class HardwareConfig:
     servo: str = ""
     """Servo gains for this project's controllers, as text `stiffness/damping`, N·m/rad and N·m·s/rad.
 
-    Each policy keeps its own servo gains if the text is empty.
+    `stiff` stands for the gains `stiff_servo` of the robot. Each policy keeps its own servo gains if the text is empty.
     """
     simulator: str = "mujoco"
     """Name of the physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
@@ -47,15 +47,19 @@ class HardwareConfig:
         `quad_env.robots.registry.get_robot` if the robot cannot be loaded.
         """
         from quad_env.robots.registry import get_robot
+        from quad_env.robots.robot import STIFF
 
         robot = get_robot(self.robot)
         if not self.servo:
             return robot
+        if self.servo == STIFF:
+            return robot.with_servo(*robot.stiff_servo)
         try:
             stiffness, damping = map(float, self.servo.split("/"))
             return robot.with_servo(stiffness, damping)
         except ValueError:
-            raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
+            fact = f"servo is stiffness/damping above 0, such as 35/0.5, or {STIFF}"
+            raise ValueError(f"{fact}; got {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
         """Return the keyword arguments with which to make an environment with this hardware for a policy.
@@ -95,7 +99,7 @@ class HardwareConfig:
             target = {"robot": self.robot_model.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
         else:
             target = {"robot": self.robot_model, "actuator": self.actuator, "sensors": self.sensors}
-        return policies.resolve(name_or_path, trust=trust, **target | options)
+        return policies.resolve(name_or_path, trust=trust, servo="own", **target | options)
 
     @property
     def is_customized(self) -> bool:

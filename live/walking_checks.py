@@ -51,7 +51,7 @@ def check_reference_policy(subject: DoctorSubject) -> Finding:
         Finding: ok, or a problem of the robot's model with likely cause and remedy.
     """
     robot = subject.robot
-    tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
+    tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot, servo="own"), subject)
     if not not_tracked:
         return ok(f"{REFERENCE_POLICY}: {'; '.join(tracked)}")
     cause = f"it stands, so its masses, inertias or limits differ from those that {REFERENCE_POLICY} was made for"
@@ -77,7 +77,7 @@ def check_policy(subject: DoctorSubject) -> Finding:
     assert subject.policy is not None
     try:
         policy = policies.resolve(
-            subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust
+            subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, servo="own", trust=subject.trust
         )
     except PolicyError as error:
         return _load_problem(subject.policy, error)

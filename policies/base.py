@@ -115,8 +115,7 @@ class Policy(ABC):
                 f"{self.name} was {mismatch}: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
-        commanded, actual = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))
-        if not np.array_equal(commanded, actual):
+        if not self.robot.has_gains((robot.servo_stiffness, robot.servo_damping)):
             raise ValueError(
                 f"{self.name} commands servos of {self.robot.servo}, but the environment's have {robot.servo}: make it "
                 "with robot=policy.robot"

@@ -29,6 +29,7 @@ from policies.description import (
 )
 from policies.network import Network
 from policies.residual import ResidualPolicy
+from policies.servo_option import check_servo, with_servo_option
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.writing import write_atomically
@@ -76,11 +77,17 @@ def copy(folder: Path, to: Path) -> None:
 
 
 def load(
-    path: str | Path, robot: str | Robot | None = None, *, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
+    path: str | Path,
+    robot: str | Robot | None = None,
+    *,
+    joint_delay_steps: int = 0,
+    actuator: Actuator = IDEAL,
+    servo: Any = None,
 ) -> ResidualPolicy:
     """Load the trained policy in a policy bundle.
 
-    Raises PolicyError if a file is missing or damaged, or does not fit this version of the project or the robot.
+    The policy commands the servo gains that it was trained with. Raises PolicyError if a file is missing or damaged, if
+    it does not fit this version of the project or the robot, or if a given robot has other servo gains.
 
     Args:
         path: Folder of a policy bundle or of a training run. For a training run, the bundle with the best validation
@@ -89,21 +96,23 @@ def load(
             `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
         actuator: Actuator model of the joints; used by a model-based base policy.
+        servo: Servo gains of the given robot, as in `policies.make`. "own" for those of the training, on any robot.
 
     Returns:
         The trained policy.
     """
     folder = find_bundle_folder(Path(path))
+    robot = None if robot is None else with_servo_option(get_robot(robot), servo)
     content = _read(folder / DESCRIPTION, MAX_DESCRIPTION_SIZE)
     description = parse_description(folder, content)
     weights = _read(folder / WEIGHTS, max_network_size())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = build_network(folder, description.network, _parse_weights(folder, weights))
-    policy = assemble_policy(
-        folder, description, network, None if robot is None else get_robot(robot), joint_delay_steps, actuator
-    )
+    policy = assemble_policy(folder, description, network, robot, joint_delay_steps, actuator)
     check_unaltered(folder, content)
+    if robot is not None:
+        check_servo(policy, robot, servo)
     return policy
 
 

@@ -14,6 +14,7 @@ from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.residual_bases import BASES, make_base
 from policies.safety import Safe, SafetyLimits
+from policies.servo_option import OWN, check_servo, with_servo_option
 from policies.summaries import SUMMARIES
 from quad_env.actuation.models import Actuator, find_actuator
 from quad_env.extensions import check_new
@@ -55,7 +56,7 @@ def _load_bundle(
     `joint_delay_steps` is the delay of the observed joint angles, control steps. Raises PolicyError if the policy was
     trained for another robot or control period.
     """
-    policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator)
+    policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator, servo=OWN)
     if mismatch := policy.mismatch(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {mismatch}", "take another policy")
     return policy
@@ -107,12 +108,14 @@ def make(
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
+    servo: Any = None,
     **options: Any,
 ) -> Policy:
     """Make a new policy from its name.
 
-    PolicyError is raised for an unknown name. It is also raised for a trained policy that is missing, or that was
-    trained for another robot or control period.
+    An environment that `gym.make` makes with the same `robot` and `servo` has the servo gains that the policy commands.
+    PolicyError is raised for a policy that commands other servo gains, and for an unknown name. It is also raised for a
+    trained policy that is missing, or that was trained for another robot or control period.
 
     Args:
         name: One of `names()`, or `safe:NAME` for the policy NAME inside the safety layer `Safe`.
@@ -120,13 +123,18 @@ def make(
         control_period: Time between two control steps, s: `env.unwrapped.dt` of the environment.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
         sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
+        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is a
+            name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
+            damping, N·m·s/rad. "own" lets the policy choose: then make the environment with `robot=policy.robot`.
         **options: Further keyword arguments for the constructor of the policy, for example `parameters`.
 
     Returns:
         The policy. It controls one robot until `reset` sets another number.
     """
     _check_name(name.rpartition(SAFE)[2])
-    return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, **options)
+    return resolve(
+        name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, servo=servo, **options
+    )
 
 
 def resolve(
@@ -136,10 +144,14 @@ def resolve(
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
+    servo: Any = None,
     trust: bool = False,
     **options: Any,
 ) -> Policy:
     """Make a new policy from its name, from a policy bundle, or from a file that a user provides.
+
+    PolicyError is raised if there is no policy with this name or path, if the policy cannot be loaded, or if it
+    commands other servo gains than the robot has.
 
     Args:
         name_or_path: Name of a policy, path of a policy bundle or a training run, or reference of an `ExternalPolicy`,
@@ -148,21 +160,43 @@ def resolve(
         control_period: Time between two control steps, s.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
         sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
+        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is a
+            name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
+            damping, N·m·s/rad. "own" lets the policy choose: then make the environment with `robot=policy.robot`.
         trust: True: also load files of types that can contain hidden code.
         **options: Further keyword arguments for the constructor of the policy, for example `parameters`.
 
     Returns:
         The policy. It controls one robot until `reset` sets another number.
-
-    Raises:
-        PolicyError: There is no policy with this name or path, or the policy cannot be loaded.
     """
-    reference = str(name_or_path)
-    robot = get_robot(robot)
+    robot = with_servo_option(get_robot(robot), servo)
+    policy = _resolve(
+        str(name_or_path),
+        robot=robot,
+        control_period=control_period,
+        actuator=actuator,
+        sensors=sensors,
+        trust=trust,
+        **options,
+    )
+    check_servo(policy, robot, servo)
+    return policy
+
+
+def _resolve(
+    reference: str,
+    *,
+    robot: Robot,
+    control_period: float,
+    actuator: str | Actuator,
+    sensors: str | SensorSuite | None,
+    trust: bool,
+    **options: Any,
+) -> Policy:
+    """Make a policy as `resolve` does, with the servo gains that the policy chooses."""
     if reference.startswith(SAFE):
-        inner = reference.removeprefix(SAFE)
-        policy = resolve(
-            inner,
+        policy = _resolve(
+            reference.removeprefix(SAFE),
             robot=robot,
             control_period=control_period,
             actuator=actuator,

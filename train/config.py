@@ -190,8 +190,9 @@ class TrainConfig:
     robot: str = "simple_quad"
     """Robot that is trained: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, for example 35/0.5; by default
-    from the base policy."""
+    """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, for example 35/0.5, or stiff,
+    the gains that the scripted controllers need. By default from the base policy; end-to-end: the gains of the robot,
+    which are its maker's."""
     actuator: str = "ideal"
     """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"

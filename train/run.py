@@ -28,6 +28,7 @@ from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, make_ppo, set_actor
 from train.sb3.progress import ProgressDisplay, ProgressEstimator
 from train.sb3.vec_env import TrainingVecEnv
+from train.servo import check_resumed_servo, check_start_servo, describe_servo
 from train.training_robots import make_bases, make_robots, training_seeds
 
 
@@ -54,6 +55,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
     with contextlib.closing(make_env(config)) as env:
         model = make_ppo(config, env)
         if resumed:
+            check_resumed_servo(config)
             checkpoint.restore(model, resumed)
         elif config.start is not None:
             _load_initial_network(model, config, config.start)
@@ -62,7 +64,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
         # The folder is made only now, because an error above would otherwise leave an empty folder.
         with report_write_errors(config.folder) if resumed else new_run_folder(config.folder):
-            notices = _write_settings(config, done, resumed)
+            notices = [describe_servo(config), *_write_settings(config, done, resumed)]
             display = ProgressDisplay(config.steps, ProgressEstimator(config, done, state.validated))
             with run_logger(config.folder, done) as logger, contextlib.closing(display):
                 for notice in notices:
@@ -94,7 +96,7 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
     Raises UsageError if the network or the settings of that policy do not fit the new run.
     """
     try:
-        policy = policies.load(start, config.hardware.robot_model)
+        policy = policies.load(start, config.hardware.robot_model, servo="own")
         if policy.base.name != config.base:
             raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
         set_actor(model, policy.network)
@@ -103,6 +105,7 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
         authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
         if not np.allclose(policy.authority, authority):
             raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
+        check_start_servo(config, policy)
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
     if has_checkpoint(start):

@@ -317,10 +317,12 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
             servo gains as without the profile.
 
     Returns:
-        The base policy.
+        The base policy, with the servo gains of the run. A pose, the base of an end-to-end policy, has those of the
+        robot.
     """
     make = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
-    base = make()
+    robot = config.hardware.robot_model
+    base = make(robot=robot.with_servo() if config.policy == "end-to-end" else robot)
     return make(on_hardware_profile=True, robot=base.robot) if hardware_profile else base
 
 

@@ -54,7 +54,7 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
     Returns:
         MuJoCo model and initial states.
     """
-    env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
+    env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot, servo="own").robot)
     distinct = min(num_envs, MAX_STARTS)
     snapshots = []
     for seed in range(distinct):
@@ -87,7 +87,7 @@ def record_actions(
     Returns:
         Joint targets of each control step, (steps, 12), rad.
     """
-    policy = policies.make("trot", robot=robot)
+    policy = policies.make("trot", robot=robot, servo="own")
     env = gym.make(ENV_ID, robot=policy.robot)
     policy.reset()
     observation, _ = env.reset(seed=seed, options={"command": command})

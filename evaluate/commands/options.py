@@ -52,8 +52,8 @@ class EvaluateOptions:
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad (35/0.5). By default each policy
-    commands its own gains; external policies always do."""
+    """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad (35/0.5), or stiff. By default each
+    policy commands its own gains; external policies always do."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"

@@ -31,7 +31,7 @@ from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
 from quad_env.physics.simulators import MUJOCO
 from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
-from quad_env.robots.robot import Robot, parse_servo_gains
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
 from quad_env.scenarios.registry import scenario as find_scenario
@@ -397,12 +397,11 @@ def _check_task_config(config: Any) -> TaskConfig:
 def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
     """Return the robot model with its servo gains, and the servo gains of each of the `num_envs` robots.
 
-    `servo` is a pair of stiffness and damping, or None for the gains of the robot model. The returned gains are
-    stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); they are None if all robots have the same gains. If the
-    gains differ, the robot model has their mean.
+    `servo` is a pair of stiffness and damping, "stiff" for the stiff servos of the robot model, or None for its gains.
+    The returned gains are stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); they are None if all robots have the
+    same gains. If the gains differ, the robot model has their mean.
     """
     robot = get_robot(robot)
-    requested = (robot.servo_stiffness, robot.servo_damping) if servo is None else servo
-    gains = parse_servo_gains(requested, num_envs)
+    gains = robot.servo_gains(servo, num_envs)
     differ = bool(np.ptp(gains, axis=1).any())
     return robot.with_servo(*(gains.mean(axis=1) if differ else gains[:, 0])), gains if differ else None

@@ -53,7 +53,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         estimator: Estimator of gravity and velocity from the sensors' readings: a name from `quad_env.ESTIMATORS`.
         height_scan: The `quad_env.HeightScan` to add to the observation as the term `height_scan`; None for no scan.
         servo: Pair of stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos. Each is a number, or (12,) in
-            the order of the joints; a batch also accepts (n, 12). None for the gains of the robot.
+            the order of the joints; a batch also accepts (n, 12). "stiff" for the robot's gains for controllers that
+            need stiff servos, None for the gains of the robot, which are its maker's. Pass `policies.make` the same.
         simulator: Name of the physics engine. "mujoco" is the default. "drake" supports ideal motors and level ground,
             slopes and stairs, see docs/second-simulator.md. "warp" is MuJoCo Warp for training, see docs/training.md.
 

@@ -16,6 +16,8 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 
 JOINTS = LEGS * JOINTS_PER_LEG
 """Number of joints of a robot."""
+STIFF = "stiff"
+"""Value of the option `servo` for the gains `stiff_servo` of a robot."""
 _SHOWN_LENGTH = 80
 """Largest number of characters of a wrong argument that an error message shows."""
 
@@ -82,6 +84,29 @@ class Robot(RobotParameters):
         gains = parse_servo_gains(own_or_given, 1)[:, 0]
         fixed = bool((gains != self.stiff_servo).any())
         return self._with(servo_stiffness=gains[0], servo_damping=gains[1], servo_fixed=fixed)
+
+    def servo_gains(self, servo: Any = None, num_robots: int = 1) -> Floats:
+        """Return the servo gains that the option `servo` of `gym.make` and `policies.make` selects for this robot.
+
+        Invalid gains raise ValueError.
+
+        Args:
+            servo: None for the gains of this robot, "stiff" for `stiff_servo`, or a pair of stiffness, N·m/rad, and
+                damping, N·m·s/rad: numbers or arrays that broadcast to (num_robots, 12).
+            num_robots: Number of robots in the batch.
+
+        Returns:
+            Servo gains, (2, num_robots, 12): first the stiffness, N·m/rad, then the damping, N·m·s/rad.
+        """
+        if servo is None:
+            servo = (self.servo_stiffness, self.servo_damping)
+        elif isinstance(servo, str) and servo == STIFF:
+            servo = self.stiff_servo
+        return parse_servo_gains(servo, num_robots)
+
+    def has_gains(self, gains: Any) -> bool:
+        """Return True if the servos have these `gains`: stiffness, N·m/rad, and damping, N·m·s/rad, each (12,)."""
+        return np.array_equal((self.servo_stiffness, self.servo_damping), gains)
 
     @cached_property
     def with_stiff_servos(self) -> "Robot":
@@ -194,7 +219,8 @@ def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
         gains = np.stack([np.broadcast_to(gain, (num_robots, JOINTS)) for gain in (stiffness, damping)])
     except (TypeError, ValueError):
         shapes = f"a number, ({JOINTS},) or ({num_robots}, {JOINTS})"
-        raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {_shown(servo)}") from None
+        fact = f'servo is a pair of stiffness and damping, each {shapes}, or "{STIFF}"'
+        raise ValueError(f"{fact}; got {_shown(servo)}") from None
     if not (np.isfinite(gains) & (gains > 0.0)).all():
         raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {_shown(servo)}")
     return gains

@@ -5,6 +5,7 @@ There are two cases of six episodes for each cause.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,8 @@ class FailureCase:
 
 
 def _make_policy(name: str, **altered: Any) -> Callable[[], Policy]:
-    return lambda: PerturbedPolicy(policies.make(name), **altered) if altered else policies.make(name)
+    make = partial(policies.make, name, servo="own")
+    return lambda: PerturbedPolicy(make(), **altered) if altered else make()
 
 
 def _make_trot(**parameters: float) -> Callable[[], Policy]:

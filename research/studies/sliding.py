@@ -225,7 +225,7 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
     """
     seeds = episode_seeds("search", options.seed, options.episodes)
     figures: dict[str, float] = {}
-    policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
+    policy = LabelledPolicy(options.policy, policies.resolve(options.policy, servo="own"))
     with ExitStack() as patches:
         patches.enter_context(
             patch("quad_env.physics.model.build_spec", lambda robot: setting.apply(build_spec(robot)))

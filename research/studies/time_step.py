@@ -82,7 +82,7 @@ def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
         hardware = _SteppedHardwareConfig(timestep=step)
-        episodes = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=hardware)
+        episodes = rollout.run(policies.resolve(name, servo="own"), scenario, seeds, nthread=2, hardware=hardware)
         measures = measure(episodes)
         row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(measures.succeeded.mean())}
         row["cost_of_transport"] = cost_of_all(measures.energy, measures.distance, episodes.weight)

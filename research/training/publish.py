@@ -96,7 +96,8 @@ def main(options: PublishOptions) -> int:
     shipped = select_shipped(runs, options.policy)
     base = shipped.config.base
     robot = shipped.config.hardware.robot_model
-    if base_to_json(policies.load(shipped.bundle, robot).base) != base_to_json(policies.make(base, robot=robot)):
+    trained_base = policies.load(shipped.bundle, robot, servo="own").base
+    if base_to_json(trained_base) != base_to_json(policies.make(base, robot=robot, servo="own")):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or models_folder(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
@@ -167,7 +168,7 @@ def load_trained_run(folder: Path) -> TrainedRun:
         raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
     minutes = CallbackState.read(progress["remembered"]).seconds / 60
     try:
-        policies.load(folder / BEST, config.hardware.robot_model)
+        policies.load(folder / BEST, config.hardware.robot_model, servo="own")
     except policies.PolicyError as error:
         raise UsageError(str(error)) from None
     description = json.loads(read_bytes(folder / BEST / "policy.json"))
@@ -250,7 +251,7 @@ def _load_shipped(folder: Path) -> TrainedRun:
         config = settings_of_card(description["training"], card)
         minutes = re.search(r"([\d.]+) min, source", card)
         then = re.search(r"where the command is `(python -m train[^`]*)`", card)
-        policies.load(folder, config.hardware.robot_model)
+        policies.load(folder, config.hardware.robot_model, servo="own")
         revision = description["git_revision"]
         return TrainedRun(str(folder), config, float(minutes[1]), revision, folder, then and then[1])  # type: ignore[index]
     except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:

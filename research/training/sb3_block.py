@@ -168,7 +168,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
     figures = {}
     for name in SCENARIOS:
         seeds = episode_seeds("evaluation", evaluation_seed, episodes)
-        measures = measure(run(policies.resolve(policy, trust=True), scenario(name), seeds))
+        measures = measure(run(policies.resolve(policy, servo="own", trust=True), scenario(name), seeds))
         figures[name] = {
             "successes": int(measures.succeeded.sum()),
             "falls": int(measures.fell.sum()),

@@ -105,7 +105,7 @@ def test_corrections_without_bounds_survive_saving_and_older_bundles_have_bounds
 
 @pytest.mark.parametrize("name", BASES)
 def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_since(tmp_path, monkeypatch, name):
-    base = policies.make(name)
+    base = policies.make(name, servo="own")
     policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
     save(tmp_path, policy, training={}, git_revision="")
     in_force = ParameterFile.load_for_robot

@@ -57,7 +57,7 @@ def assert_the_same_in_time(often, seldom, slack=SLACK, leaps=LEAPS):
 @pytest.mark.parametrize("name", UNTRAINED)
 def test_the_clock_advances_by_its_frequency_times_the_control_period(name):
     for period in (0.005, 0.02):
-        policy = policies.make(name, control_period=period)
+        policy = policies.make(name, control_period=period, servo="own")
         if isinstance(policy, GaitedPolicy):
             policy.act(shown(policy, AT_REST))
             frequency = getattr(policy, "clock_rate", [policy.frequency])[0]
@@ -66,7 +66,7 @@ def test_the_clock_advances_by_its_frequency_times_the_control_period(name):
 
 @pytest.mark.parametrize("name", sorted(IN_TIME))
 def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period(name):
-    made = [policies.make(name, control_period=period) for period in (0.01, 0.02)]
+    made = [policies.make(name, control_period=period, servo="own") for period in (0.01, 0.02)]
     waiting, walking = (WAITING, 1.6) if isinstance(made[0], ModelBased) else (0.0, 0.8)
     asked = (ask(each, WALKING, waiting + walking)[round(waiting / each.control_period) :] for each in made)
     assert_the_same_in_time(*asked, SLACK_OF.get(name, SLACK), LEAPS_OF.get(name, LEAPS))

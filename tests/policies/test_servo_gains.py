@@ -41,12 +41,12 @@ def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are
     for name in ("mpc_wbc", "trot_feedback"):  # the targets contain the torques
         assert policies.make(name, robot=soft).robot.servo == GAINS, name
     for name in ("stand", "trot", "trot_integral", "behaviour", "safe:trot"):
-        assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
+        assert policies.make(name, robot=soft, servo="own").robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
 
 
 def test_the_reference_trot_has_its_own_gains_unless_they_are_given(soft: quad_env.Robot) -> None:
-    make = partial(policies.make, "trot_reference")
+    make = partial(policies.make, "trot_reference", servo="own")
     assert make().robot.servo == make(robot=soft).robot.servo == "150 N·m/rad and 7.5 N·m·s/rad"
     assert make(robot=SIMPLE_QUAD.with_servo(90.0, 2.0)).robot.servo == "90 N·m/rad and 2 N·m·s/rad"
 
@@ -86,7 +86,7 @@ def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, t
     trot, inputs = policies.Trot(robot=SIMPLE_QUAD.with_servo(250.0, np.arange(1.0, 13.0))), residual.features.inputs
     mine = policies.ResidualPolicy(trot, residual.network, residual.authority, "mine", inputs)
     policies.bundle.save(tmp_path, mine, {}, "revision")
-    found = policies.load(tmp_path, robot=SIMPLE_QUAD)
+    found = policies.load(tmp_path, robot=SIMPLE_QUAD, servo="own")
     np.testing.assert_array_equal(found.robot.servo_stiffness, np.full(12, 250.0))
     np.testing.assert_array_equal(found.base.robot.servo_damping, np.arange(1.0, 13.0))
     file = tmp_path / "policy.json"
@@ -109,10 +109,10 @@ def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer
     for name, stiffness, damping in (("go1", 35.0, 0.5), ("go2", 25.0, 0.5), ("spot", 286.0, 2.04)):
         robot = ROBOTS[name]
         assert (robot.servo_stiffness[2], robot.servo_damping[2]) == (stiffness, damping), name
-        assert policies.make("trot", robot=name).robot.servo_stiffness[2] > 3.0 * stiffness, name
+        assert policies.make("trot", robot=name, servo="own").robot.servo_stiffness[2] > 3.0 * stiffness, name
         model = robot.model
         np.testing.assert_array_equal(model.actuator_gainprm[:, 0], robot.servo_stiffness)
         np.testing.assert_array_equal(model.actuator_biasprm[:, 2], -robot.servo_damping)
-    residual = policies.make("residual", robot="go1")
-    assert residual.robot.servo == policies.make("trot_reference", robot="go1").robot.servo
+    residual, reference = (policies.make(each, robot="go1", servo="own") for each in ("residual", "trot_reference"))
+    assert residual.robot.servo == reference.robot.servo
     assert set(MAKER_SERVOS) | {"simple_quad"} == set(ROBOTS)

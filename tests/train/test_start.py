@@ -48,6 +48,7 @@ def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp
         (("--inputs.lags", "0.02"), "widths"),
         (("--inputs.lags", "0.02", "0.05", "0.1"), "other --inputs than this run"),
         (("--joint-authority", "0.5"), "another --hip-authority or --joint-authority"),
+        (("--servo", "200/5"), "has servos of 300 N·m/rad and 10 N·m·s/rad, this run of 200 N·m/rad and 5 N·m·s/rad"),
         (("--start", "no-such-folder"), "no-such-folder"),
     ],
 )

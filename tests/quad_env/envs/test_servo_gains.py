@@ -47,7 +47,7 @@ def test_gains_alike_have_the_same_bits_in_a_batch_of_any_size() -> None:
     assert {robot.servo_damping.tobytes() for robot in robots} == {np.full(12, servo[1]).tobytes()}
 
 
-@pytest.mark.parametrize("servo", [300.0, (300.0,), (300.0, 0.0), (np.nan, 1.0), (np.ones(11), 1.0), "stiff"], ids=str)
+@pytest.mark.parametrize("servo", [300.0, (300.0,), (300.0, 0.0), (np.nan, 1.0), (np.ones(11), 1.0), "soft"], ids=str)
 def test_what_is_no_pair_of_gains_is_refused_in_a_line(servo: Any) -> None:
     with pytest.raises(ValueError, match=r"servo (gains are|is a pair)") as error:
         gym.make(quad_env.ENV_ID, servo=servo)

@@ -183,7 +183,7 @@ def test_robots_of_every_size_have_policies_scenarios_and_a_training(
 ) -> None:
     robot = alike(tmp_path, longer, heavier)
     for name in BASES:
-        assert policies.make(name, robot=robot).robot == robot
+        assert policies.make(name, robot=robot, servo="own").robot == robot
     for name, _ in DEFAULTS["residual"].mixture:
         assert scenario(name, robot).name
 

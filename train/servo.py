@@ -1,0 +1,80 @@
+"""Servo gains of a training run: their description, and comparison with those of an earlier policy."""
+
+import numpy as np
+
+import policies
+from policies.base import Policy
+from quad_env.cli.command_line import UsageError
+from quad_env.robots.robot import STIFF, Robot
+from train.config import TrainConfig
+from train.run_folder import LAST
+from train.training_robots import make_base
+
+
+def describe_servo(config: TrainConfig) -> str:
+    """Return a line with the servo gains of a training run, and the place that they come from."""
+    robot = config.hardware.robot_model
+    base = make_base(config)
+    source = f"{base.name}'s"
+    if config.servo:
+        source = f"--servo {config.servo}"
+    elif base.robot.has_gains(robot.servo_gains()[:, 0]):
+        source = f"{robot.name}'s own"
+    return f"servos: {base.robot.servo} ({source})"
+
+
+def check_start_servo(config: TrainConfig, start: Policy) -> None:
+    """Check that a policy, with which a training run starts, has the servo gains of the run.
+
+    Args:
+        config: Settings of the run.
+        start: Policy of the option `--start`.
+
+    Raises:
+        ValueError: The policy has other gains. The message names the option that gives the run these gains.
+    """
+    robot = make_base(config).robot
+    if not _have_same_gains(start.robot, robot):
+        option = _servo_option(start.robot)
+        remedy = f"; give --servo {option}" if option else ""
+        raise ValueError(f"{config.start} has servos of {start.robot.servo}, this run of {robot.servo}{remedy}")
+
+
+def check_resumed_servo(config: TrainConfig) -> None:
+    """Check that a continued run has the servo gains with which it began.
+
+    End-to-end runs of earlier versions had the stiff servos of their pose. A run without a readable bundle is not
+    checked.
+
+    Args:
+        config: Settings of the run.
+
+    Raises:
+        UsageError: The last bundle of the run has other gains. The message says how to train its network further.
+    """
+    robot = make_base(config).robot
+    try:
+        begun = policies.load(config.folder / LAST, robot, servo="own")
+    except policies.PolicyError:
+        return
+    if not _have_same_gains(begun.robot, robot):
+        option = _servo_option(begun.robot)
+        remedy = f"begin another run with --start {config.folder}{f' --servo {option}' if option else ''}"
+        fact = f"--resume: the run has servos of {begun.robot.servo}, this version trains it on {robot.servo}"
+        raise UsageError(f"{fact}; {remedy}")
+
+
+def _have_same_gains(one: Robot, other: Robot) -> bool:
+    """Return True if two robots have the same servo gains."""
+    return one.has_gains(other.servo_gains()[:, 0])
+
+
+def _servo_option(robot: Robot) -> str:
+    """Return the value of the option `--servo` for the gains of a robot; empty if no value gives different joints."""
+    if robot.has_gains(robot.stiff_servo):
+        return STIFF
+    gains = robot.servo_gains()[:, 0]
+    if np.ptp(gains, axis=1).any():
+        return ""
+    stiffness, damping = gains[:, 0].tolist()
+    return f"{stiffness}/{damping}"
