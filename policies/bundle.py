@@ -96,7 +96,7 @@ def load(
             `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
         actuator: Actuator model of the joints; used by a model-based base policy.
-        servo: Servo gains of the given robot, as in `policies.make`. "own" for those of the training, on any robot.
+        servo: Servo gains of the given robot, as in `policies.make`. "own" for the gains of the training, on any robot.
 
     Returns:
         The trained policy.

@@ -123,8 +123,8 @@ def make(
         control_period: Time between two control steps, s: `env.unwrapped.dt` of the environment.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
         sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
-        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is a
-            name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
+        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is
+            a name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
             damping, N·m·s/rad. "own" lets the policy choose: then make the environment with `robot=policy.robot`.
         **options: Further keyword arguments for the constructor of the policy, for example `parameters`.
 
@@ -160,8 +160,8 @@ def resolve(
         control_period: Time between two control steps, s.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
         sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
-        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is a
-            name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
+        servo: Servo gains of the robot, as in `gym.make`: None for the robot's own, which are its maker's if `robot` is
+            a name; "stiff" for the gains of controllers that need stiff servos; or a pair of stiffness, N·m/rad, and
             damping, N·m·s/rad. "own" lets the policy choose: then make the environment with `robot=policy.robot`.
         trust: True: also load files of types that can contain hidden code.
         **options: Further keyword arguments for the constructor of the policy, for example `parameters`.

@@ -1,4 +1,4 @@
-"""Servo gains of a training run: their description, and comparison with those of an earlier policy."""
+"""Servo gains of a training run: their description, and comparison with the gains of an earlier policy."""
 
 import numpy as np
 

@@ -317,8 +317,8 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
             servo gains as without the profile.
 
     Returns:
-        The base policy, with the servo gains of the run. A pose, the base of an end-to-end policy, has those of the
-        robot.
+        The base policy, with the servo gains of the run. A pose, the base of an end-to-end policy, has the
+        gains of the robot.
     """
     make = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
     robot = config.hardware.robot_model

@@ -200,7 +200,7 @@ def test_a_policy_is_published_stopped_or_not_and_evaluated_again(runs, tmp_path
 
 
 def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, refused):
-    base = policies.make(parse([]).base)
+    base = policies.make(parse([]).base, servo="own")
     other = type(base)(parameters=dataclasses.replace(base.parameters, frequency=5.0))
     monkeypatch.setattr(policies, "make", lambda name, **_: other)
     assert "other parameters" in refused(main, "publish", runs / "0", "--to", tmp_path / "model")

@@ -51,7 +51,7 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_
     observations = np.random.default_rng(0).normal(0.0, 0.3, (3, OBSERVATION_SIZE)).astype(np.float32)
     here = NetworkPolicy(description)
     here.reset(3)
-    with closing(policies.resolve(str(tmp_path / "policy.toml"))) as policy:
+    with closing(policies.resolve(str(tmp_path / "policy.toml"), servo="own")) as policy:
         assert isinstance(policy, ExternalPolicy)
         assert policy.spec == description
         assert policy.robot.servo == here.robot.servo != SIMPLE_QUAD.servo
@@ -60,7 +60,7 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_
             np.testing.assert_array_equal(policy.act(observations), here.act(observations))
         policy.reset_where(np.array([True, False, False]))
         assert policy.failure.tolist() == [None] * 3
-        guarded = policies.resolve(f"safe:{tmp_path / 'policy.toml'}")
+        guarded = policies.resolve(f"safe:{tmp_path / 'policy.toml'}", servo="own")
         assert guarded.robot.servo == policy.robot.servo
 
 

@@ -118,7 +118,7 @@ HEIGHT = 0.18
 def write(file: Path, style: Style = LEVELLED) -> PolicySpec:
     """Write the network and return its specification."""
     robot = get_robot(style.robot)
-    trot = policies.make("trot", robot=robot)
+    trot = policies.make("trot", robot=robot, servo="own")
     terms = [SpecTerm(name, scale, history=style.history) for name, scale in style.terms.items()]
     terms.append(SpecTerm("gait_clock", clock=trot.frequency, history=style.history))
     signs = _signs(style)
