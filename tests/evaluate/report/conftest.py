@@ -70,7 +70,7 @@ def measured(generator: np.random.Generator, successes: int, falls: int) -> Meas
 
 
 def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> PolicyScenarioResult:
-    """Return a cell; a policy later in the alphabet breaks earlier on push."""
+    """Return a cell; a policy later in POLICIES breaks earlier on push."""
     place = POLICIES.index(policy)
     measures = measured(generator, *{"push:1": (11, 1), "push:3": (2, 10)}.get(scenario.name, (8 - place, 3 + place)))
     unfailing = np.full(EPISODES, None, dtype=object)

@@ -1,4 +1,4 @@
-"""Torques of the whole body and of the legs alone obey the equations of motion and do what is wished."""
+"""Torques of the whole body and of single legs satisfy the equations of motion and track their reference."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ NOTHING = np.zeros((COUNT, 6))
 
 
 def bodies(speed: float = 0.5) -> DynamicsTerms:
-    """Robots near the home pose that move a little."""
+    """Return the dynamics of robots near the home pose with small velocities."""
     random = np.random.default_rng(7)
     level = np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))
     angles = ROBOT.home_pose + 0.1 * random.normal(size=(COUNT, 12))
@@ -28,7 +28,7 @@ def bodies(speed: float = 0.5) -> DynamicsTerms:
 
 
 def wish(of: DynamicsTerms) -> WholeBodyReference:
-    """Some stand on all feet, some on two, one on three; the standing feet rest."""
+    """Return a reference: some robots stand on four feet, some on two, one on three, and standing feet rest."""
     standing = np.ones((COUNT, 4), np.bool_)
     standing[1:4, 1:3] = standing[4, 0] = False
     random = np.random.default_rng(8)
@@ -45,7 +45,7 @@ def whole(
 
 
 def test_the_torques_are_those_of_the_equations_of_motion() -> None:
-    """Each program's own solution, put into M q̈ + h = Sᵀτ + Jᵀf + w by hand."""
+    """The solution of each program satisfies M q̈ + h = Sᵀτ + Jᵀf + w."""
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
     wished = wish(of)
     found = whole(of, wished, wrench)
@@ -62,8 +62,10 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
 
 
 def test_the_program_s_cost_is_what_is_missed_of_the_wish_by_its_priorities() -> None:
-    """½ Σ priority · |J q̈ + J̇ q̇ - wish|² of feet, of the trunk's turning and of the forces, up to a constant: of each
-    robot its own, with the two terms that make it definite."""
+    """The cost is ½ Σ priority · |J q̈ + J̇ q̇ - reference|² of feet, trunk rotation and forces, up to a constant.
+
+    Each robot has its own cost, including the two terms that make it definite.
+    """
     of, random = bodies(), np.random.default_rng(11)
     wished, p = wish(of), PRIORITIES
     wished = wished._replace(contact_force=wished.contact_force + random.normal(0.0, 5.0, (COUNT, 4, 3)))
@@ -100,7 +102,7 @@ def test_each_robot_s_forces_are_held_within_its_own_friction() -> None:
 
 
 def test_torques_stay_within_the_limits_of_each_joint() -> None:
-    """As of motors that turn, which have less left ahead than back."""
+    """The limits are asymmetric, as for moving motors with less torque in the direction of motion."""
     of = bodies()
     wished, free = wish(of), whole(of, wish(of)).torque
     most = np.where(free > 0.7 * free.max(), 0.9 * free, 60.0)
@@ -114,7 +116,7 @@ def test_torques_stay_within_the_limits_of_each_joint() -> None:
 def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
     of = bodies()
     wished, most = wish(of), FRICTION.max_normal_force.copy()
-    most[2] = -1.0  # below the least force
+    most[2] = -1.0  # below the minimum normal force
     found = whole(of, wished, friction=FRICTION._replace(max_normal_force=most))
     assert found.has_solution.tolist() == [True, True, False, True, True, True]
     assert (found.torque[2] == 0.0).all()
@@ -123,14 +125,14 @@ def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
 
 
 def test_legs_move_the_feet_as_wished() -> None:
-    """With the trunk as the forces move it."""
+    """The trunk accelerates as the contact forces and the wrench move it."""
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
     wished = wish(of)
     found = leg_torques(of, wished, wrench, LIMITS)
     trunk = (wished.contact_force.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
     motion = np.concatenate((trunk, wished.base_angular_acceleration, found.acceleration), axis=1)
     feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.foot_bias_acceleration
-    np.testing.assert_allclose(feet, wished.foot_acceleration, atol=0.3)  # legs that are nearly straight miss a little
+    np.testing.assert_allclose(feet, wished.foot_acceleration, atol=0.3)  # nearly straight legs have a small error
 
 
 def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_its_robot_without_torques() -> None:
@@ -147,7 +149,7 @@ def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_it
 
 
 def test_legs_hold_a_robot_that_stands() -> None:
-    """Their forces and gravity: -Jᵀf and h, and nothing else."""
+    """The torques are -Jᵀf for the contact forces plus h for gravity."""
     of = bodies(0.0)
     wished = wish(of)._replace(stance=np.ones((COUNT, 4), np.bool_), base_angular_acceleration=np.zeros((COUNT, 3)))
     forces = np.zeros((COUNT, 4, 3))
@@ -160,7 +162,7 @@ def test_legs_hold_a_robot_that_stands() -> None:
 
 
 def test_legs_ask_for_no_more_than_the_motors_give() -> None:
-    """Each joint's own limits, below and above, for feet that are to be accelerated by 500 m/s²."""
+    """The limits differ between joints and directions; the reference accelerates feet with 500 m/s²."""
     of, random = bodies(), np.random.default_rng(10)
     limits = -random.uniform(20.0, 40.0, (COUNT, 12)), random.uniform(41.0, 60.0, (COUNT, 12))
     hasty = wish(of)._replace(foot_acceleration=500.0 * random.choice((-1.0, 1.0), (COUNT, 4, 3)))

@@ -17,7 +17,7 @@ from quad_env.scenarios.registry import scenario
 
 
 def changed_fields(robot: Robot, **options: Any) -> tuple[set[str], mujoco.MjModel]:
-    """Names of the arrays and options of the model that differ from the model without simplification, and the model."""
+    """Return the names of the model's arrays and options that differ from the full model, and the model."""
     timestep, iterations = options.pop("timestep", None), options.pop("solver_iterations", None)
     plain = compile_model(robot, scenario("flat"))
     model = compile_model(
@@ -79,7 +79,7 @@ def test_only_the_named_geoms_collide_with_the_ground(contacts: str, robot: Robo
 
 @pytest.mark.parametrize("contacts", ["feet", "feet-trunk", "all"])
 def test_a_robot_that_lies_on_its_trunk_is_held_only_if_the_trunk_collides(contacts: str) -> None:
-    """With the legs straight up it falls through the ground where only feet collide."""
+    """The robot lies with its legs straight up, and falls through the ground if only feet collide."""
     task = TaskConfig(physics=PhysicsOptions(contacts=contacts))  # type: ignore[arg-type]
     robots = SimpleQuadVectorEnv(1, scenario("flat"), config=task, terminate_on_fall=False)
     robots.reset(seed=0)
