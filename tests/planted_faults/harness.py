@@ -1,4 +1,4 @@
-"""Faults planted into the real code: each fault must let a named check fail that passes without the fault."""
+"""Faults planted into the real code: each fault must make a named check fail that passes without the fault."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
@@ -38,7 +38,7 @@ def one_call_old(owner: type, name: str) -> Plant:
 def fault_tests(checks: Sequence[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
     """Return three tests of these checks and faults, for pytest to find in the module of the assignment.
 
-    Every check passes without a fault, every fault lets its check fail, and every check has a fault.
+    Every check passes without a fault, every fault makes its check fail, and every check has a fault.
     """
 
     @pytest.mark.parametrize("check", checks, ids=lambda check: check.__name__.removeprefix("check_"))

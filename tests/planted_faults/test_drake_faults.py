@@ -1,4 +1,4 @@
-"""Faults of Drake's plant, planted into the real code: each must let a named check fail."""
+"""Faults of Drake's plant, planted into the real code: each must make a named check fail."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Faults of measured work, planted into the real code: each must let a named check fail."""
+"""Faults of measured work, planted into the real code: each must make a named check fail."""
 
 from collections.abc import Iterator
 from typing import Any

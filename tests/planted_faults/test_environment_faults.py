@@ -1,4 +1,4 @@
-"""Faults that would affect every number, planted into the real code: each must let a named check fail.
+"""Faults that would affect every number, planted into the real code: each must make a named check fail.
 
 A check compares the environment or the evaluator with physics, geometry or the contract. It passes without a fault, and
 fails with its fault.

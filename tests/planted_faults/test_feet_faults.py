@@ -1,4 +1,4 @@
-"""Faults of the feet's readings, planted into the real code: each must let a named check fail.
+"""Faults of the feet's readings, planted into the real code: each must make a named check fail.
 
 Checks use the state that reward terms get.
 """

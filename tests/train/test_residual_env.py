@@ -17,7 +17,7 @@ from train.residual_env import ResidualVectorEnv
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 WILD = np.full(12, 3.0, np.float32)
-"""rad. Authority with which noise lets robots fall."""
+"""rad. Authority with which noise makes robots fall."""
 
 
 def robots(n, steps=1000, scenario="push", mode="DISABLED"):
@@ -34,7 +34,7 @@ def residual(n, base="trot", hold=1, authority=None, inputs=NO_HISTORY, **option
 
 
 def noise(step, n):
-    """Return corrections that let robots fall at different times."""
+    """Return corrections that make robots fall at different times."""
     return np.random.default_rng(step).uniform(-1, 1, (n, 12)).astype(np.float32)
 
 

@@ -28,9 +28,9 @@ def test_a_policy_is_dominated_by_what_is_better_in_one_and_no_worse_in_the_othe
 
 
 def test_ties() -> None:
-    """A policy with equal success at higher cost, or less success at equal cost, is dominated.
+    """Equal success at higher cost, or less success at equal cost, is dominated.
 
-    Equal policies are not.
+    Equal policies are both on the front.
     """
     on_it, by = front(a=(0.9, 2.0), dearer=(0.9, 2.1), less=(0.8, 2.0), same=(0.9, 2.0))
     assert on_it == ("a", "same")

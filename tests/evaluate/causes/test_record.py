@@ -82,9 +82,9 @@ def test_a_capture_point_that_the_command_asks_for_is_ordinary() -> None:
 def test_a_gait_that_sways_is_ordinary_up_to_a_fifth_more_and_thrice_the_threshold(
     sway: float, unusual: float, onset: int
 ) -> None:
-    """0.36 rad is usual for a gait with a sway of 0.3 rad up to 1.2 s before its fall.
+    """The limit is 0.36 rad for a gait with a sway of 0.3 rad from 0.2 s to 1.2 s before its fall.
 
-    0.6 rad is for one with more sway.
+    The limit is at most 0.6 rad, for a gait with more sway.
     """
     tilt = signal("tilt")
     tilt[:, 1] = sway

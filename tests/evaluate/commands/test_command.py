@@ -150,7 +150,7 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, dela
 @pytest.mark.usefixtures("no_simulation")
 @pytest.mark.parametrize("arguments", [(), ("--resume",)], ids=" ".join)
 def test_a_folder_that_another_run_writes_to_is_refused_at_once(refused, tmp_path, run, arguments) -> None:
-    """The folder of the same run is refused as well, without --resume; no manifest exists before the first part."""
+    """The run's own folder is refused with and without --resume; before its first part, a folder has no manifest."""
     mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
     for folder in (run.folder, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}

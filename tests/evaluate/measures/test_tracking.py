@@ -48,9 +48,9 @@ def test_errors_of_all_steps_are_capped_and_the_largest_after_a_fall() -> None:
 
 
 def test_the_error_of_a_mean_velocity_is_that_of_each_window_by_its_upright_steps() -> None:
-    """Steps 2 to 4 have 0.4 m/s, an error of 0.6; steps 5 to 8 have 4 m/s sideways, capped at 2 m/s.
+    """Steps 2 to 4 have 0.4 m/s, an error of 0.6 m/s; steps 5 to 8 have 4 m/s sideways, capped at 2 m/s.
 
-    Without upright steps 2 m/s.
+    The error without upright steps is 2 m/s.
     """
     windows = (slice(2, 4), slice(5, 8))
     found = mean_velocity_error(COMMAND, moving(), UPRIGHT, windows)

@@ -113,9 +113,9 @@ def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then
 
 
 def test_a_run_under_way_has_the_cells_of_which_every_episode_is_there(tmp_path, manifest, part, capsys) -> None:
-    """Cells are in the order of their indices, in any order of completion.
+    """Episodes are in the order of their indices, in any order of storage.
 
-    Missing parts of other cells are no error.
+    Incomplete cells cause no warning.
     """
     store = ChunkStore(tmp_path, manifest)
     for each in part("b", PUSH, (5, 3, 4)), part("b", PUSH, (0, 2, 1)), part("a", PUSH), part("a", FLAT, (1, 2)):

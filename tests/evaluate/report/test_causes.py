@@ -19,9 +19,8 @@ LONG = "models/residual-with-a-long-name/seed-12"
 
 @pytest.fixture
 def results(made_up_cell) -> Results:
-    """Return ten episodes a cell: `trot` on two pushes and on the profile.
-
-    Another policy only on flat, without failures.
+    """Return ten episodes a cell: `trot` on two pushes and on the profile, and another policy,
+    without failures, on flat.
     """
 
     def cell(policy: str, scenario: str, *causes: str):

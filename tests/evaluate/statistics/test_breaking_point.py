@@ -107,7 +107,7 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
 def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
     """With 24 episodes, P(7 or fewer) = 0.032 is not significant and P(6 or fewer) = 0.011 is.
 
-    17 and 18 mirror them.
+    The same holds for 17 and 18 by symmetry.
     """
     failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
     assert bracket_levels(failed) == (0, 3)

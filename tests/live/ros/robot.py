@@ -44,7 +44,7 @@ def free_port() -> int:
 def march(path: Path) -> np.ndarray:
     """Write joint targets of `document_repaired`, an open-loop controller, into a file for nodes.
 
-    Return them, (n, 12), rad.
+    The function returns the targets, (n, 12), rad.
     """
     policy, shown = policies.make("document_repaired"), np.zeros(48, np.float32)
     policy.reset()

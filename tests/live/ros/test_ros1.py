@@ -1,4 +1,4 @@
-"""A robot behind ROS 1 marches like the article's controller, and no ROS message lets it fall."""
+"""A robot behind ROS 1 marches like the article's controller, and no ROS message makes it fall."""
 
 import contextlib
 import http.client

@@ -180,8 +180,8 @@ ALL = np.ones((1, 4), np.bool_)
 def test_the_ground_under_the_trunk_is_the_mean_of_the_footprints_and_roughness_their_distance_from_a_plane() -> None:
     """A corner 0.04 m high leaves residuals of 0.01 m of the best plane at every corner.
 
-    The filters take 0.01 / 1.01 of this roughness and 0.01 / 0.21 of the slope, 0.02 m per 0.5 m ahead and per 0.4 m to
-    the side.
+    The filters take 0.01 / 1.01 of this roughness and 0.01 / 0.21 of the slope. The slope is 0.02 m per 0.5 m ahead and
+    per 0.4 m to the side.
     """
     prints = TerrainEstimator(slope_time=0.2, period=0.01)
     ground = prints.ground(standing_on([-0.36, -0.4, -0.4, -0.4]), ALL)

@@ -1,8 +1,8 @@
 """Every argument of the environments affects the simulated robots.
 
 `ARGUMENTS`, `ALONE` and `BATCHED` have an entry for each argument; an argument without an entry fails. An entry changes
-one value and reads the model, the motion, the observation or the infos, for the second robot of a batch and for a
-single robot.
+one value and reads the model, the motion, the observation or the infos. It does this for the second robot of a batch
+and for a single robot.
 """
 
 import inspect
