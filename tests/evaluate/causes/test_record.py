@@ -49,7 +49,10 @@ def test_the_capture_point_is_where_the_robot_would_come_to_rest_seen_from_the_m
 
 
 def test_the_onset_follows_the_last_moment_of_an_ordinary_posture() -> None:
-    """Unusual postures: a tilt above 0.2 rad, half of the home height, a capture point more than 0.2 m away."""
+    """A posture is unusual with a tilt above 0.2 rad, below half of the home height, or with a far capture point.
+
+    The capture point is far if it is more than 0.2 m away.
+    """
     assert plain().onset == END
     tilt = signal("tilt")
     tilt[100:120, 1], tilt[150:, 1], tilt[:, 0] = 0.3, 0.21, 1.0

@@ -122,8 +122,8 @@ def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction:
 def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> None:
     """The right front calf gives its maximum of 40 N·m from step 120 on.
 
-    Its mean over five steps is at 0.95 of the maximum from step 124 on, in 36 of 50 steps of 12 joints, relative to
-    0.1. Another joint gives 40 of its 100 N·m.
+    Its mean over five steps is at 0.95 of the maximum from step 124 on. The share is 36 of 50 steps in one of 12
+    joints, relative to 0.1. Another joint gives 40 of its 100 N·m.
     """
     torque, heat = signal("joint_torque"), np.full_like(signal("joule_heat"), np.nan)
     torque[120:, 1, 5], torque[:, 1, 4] = -40.0, 40.0
@@ -215,7 +215,10 @@ def test_a_delay_counts_both_ways_together() -> None:
 
 
 def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() -> None:
-    """The distance from the last received target, 20 ms late, to the farthest lost target is 0.45 rad, by 0.15."""
+    """The distance from the last received target, 20 ms late, to the farthest lost target is 0.45 rad.
+
+    The score is 0.45 / 0.15.
+    """
     lost = Dropouts(count=1, duration=0.3, window=(1.1, 1.5))
     scenario = Scenario("made", dropouts=lost, latency=Latency(action=0.02, observation=0.0))
     record = recorded(scenario)

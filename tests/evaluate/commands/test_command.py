@@ -128,9 +128,7 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
     ],
 )
 def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, delay, running) -> None:
-    """Ctrl-C during the import of modules, where a KeyboardInterrupt may appear as another
-    error, ends in one line as well.
-    """
+    """Ctrl-C may appear as another error during the import of modules."""
     command = [*PYTHON, "-X", "importtime", "-m", *words.format(tmp_path).split()]
     with running(command, cwd=repository) as process:
         # Python itself is starting before that time.

@@ -71,7 +71,7 @@ def test_mechanical_power() -> None:
 
 
 def test_work_regeneration_and_heat() -> None:
-    """4 s of 40 W, 30 W and 5 W of heat in each of two joints; the fall halves the time to 2 s."""
+    """Each of two joints has 40 W of work, 30 W of regeneration and 5 W of heat for 4 s; a fall leaves 2 s."""
     warm = joints("joule_heat", (ALL, slice(2, 4), 0.5))
     for fall, seconds in (({}, 4.0), (FELL, 2.0)):
         for name, power in (("energy", 70), ("positive_work", 40), ("regeneration", 30), ("joule_heat", 10)):

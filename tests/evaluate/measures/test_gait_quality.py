@@ -82,7 +82,7 @@ def test_trunk_height() -> None:
 
 
 def test_touchdown_impulse() -> None:
-    """2 N·s in the step of a touch-down and 1 N·s in the next, relative to 142 N.
+    """The impulse is 2 N·s in the step of a touch-down and 1 N·s in the next, relative to 142 N.
 
     Other impulses do not count: those before and after, in the first second, and in the step after a fall.
     """

@@ -19,9 +19,7 @@ LONG = "models/residual-with-a-long-name/seed-12"
 
 @pytest.fixture
 def results(made_up_cell) -> Results:
-    """Return ten episodes a cell: `trot` on two pushes and on the profile, and another policy,
-    without failures, on flat.
-    """
+    """Return ten episodes a cell: `trot` on two pushes and on the profile, another policy on flat without failures."""
 
     def cell(policy: str, scenario: str, *causes: str):
         made = made_up_cell(policy, np.arange(10) < len(causes), None, resolve((scenario,))[0])

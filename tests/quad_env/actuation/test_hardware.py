@@ -37,7 +37,7 @@ def test_three_figures_are_those_of_hip_thigh_and_calf_and_twelve_of_every_joint
 
 
 def test_each_joints_torque_lies_on_its_own_line_within_its_own_peak() -> None:
-    """At 4 rad/s and saturation: 20 (1 − 0.4), 30 (1 − 0.2) and 40 (1 − 0.8) N·m."""
+    """The torque limits at 4 rad/s are 20 (1 − 0.4), 30 (1 − 0.2) and 40 (1 − 0.8) N·m."""
     model = compile_model(SIMPLE_QUAD, Scenario("made"), Actuator(PER_JOINT))
     data = mujoco.MjData(model)
     for speed, wanted in ((4.0, (12.0, 24.0, 8.0)), (0.0, (15.0, 30.0, 35.0)), (-4.0, (15.0, 30.0, 35.0))):

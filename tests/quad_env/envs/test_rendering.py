@@ -100,7 +100,7 @@ def test_without_a_render_mode_there_is_a_warning_and_no_frame(kind: Any) -> Non
 
 @pytest.mark.parametrize("kind", [SimpleQuadEnv, SimpleQuadVectorEnv])
 def test_what_could_not_be_made_can_be_closed(kind: Any) -> None:
-    """Gymnasium 1.2 closes an environment as it is deleted."""
+    """Gymnasium 1.2 closes an environment when it is deleted."""
     env = kind.__new__(kind)
     with pytest.raises(ValueError, match="unknown scenario"):
         env.__init__(scenario="nowhere")

@@ -46,7 +46,7 @@ def metered(actuator: Actuator) -> tuple[Batch, MotorMeter]:
 
 
 def test_a_control_step_by_hand() -> None:
-    """Torques of 10 − 2 · 1 and −3 − 2 · (−4) N·m at mean speeds of 0.5 and −1 rad/s; only robot 0 is stepped."""
+    """The torques are 10 − 2 · 1 and −3 − 2 · (−4) N·m at mean speeds of 0.5 and −1 rad/s; only robot 0 is stepped."""
     batch, meter = metered(Actuator(TorqueSpeed(40.0, 10.0)))
     steps = iter([(10.0, 1.0, 30.0), (-3.0, -3.0, 50.0)])
 

@@ -44,7 +44,7 @@ def numbered(step: int, rows: int = 4) -> np.ndarray:
 
 
 def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
-    """Periods and delays in control steps of 10 ms: 2 and 2, 4 and 1, 1 and 3, 5 and 6."""
+    """The periods and delays are 2 and 2, 4 and 1, 1 and 3, 5 and 6, in control steps of 10 ms."""
     suite = SensorSuite(
         replace(IDEAL.imu, rate=50.0, delay=0.02),
         replace(IDEAL.encoders, rate=25.0, delay=0.01),
@@ -104,7 +104,7 @@ def test_accelerometers_at_rest_read_gravity_and_their_own_bias() -> None:
 
 
 def test_readings_saturate_at_each_sensor_s_range_and_angles_come_in_steps() -> None:
-    """The resolution is 2π / 2⁴ = 0.3927 rad: 1.0 is nearest to three of it; a foot stands from its threshold on."""
+    """The resolution is 2π / 2⁴ = 0.3927 rad: 1.0 is nearest to three steps; a foot stands from its threshold on."""
     suite = SensorSuite(
         replace(IDEAL.imu, gyro_range=2.0, accelerometer_range=30.0),
         replace(IDEAL.encoders, bits=4),
