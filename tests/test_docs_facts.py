@@ -293,7 +293,7 @@ def test_every_extra_has_its_row() -> None:
 
 
 def test_every_weight_has_a_reward_term_of_its_name() -> None:
-    """The page is docs/extending.md."""
+    """The weights are those in docs/extending.md."""
     from quad_env.task import rewards
 
     names = [name for name in RewardWeights.__dataclass_fields__ if name != "fall"]

@@ -21,7 +21,7 @@ def ball(setting: ContactSetting = SETTINGS["today"], gravity: float | None = No
 
 @pytest.mark.parametrize("friction", [0.4, 0.8])
 def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(friction: float) -> None:
-    """From 2 m/s to rest takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts the ball."""
+    """The ball needs v / µg from 2 m/s to rest, 0.255 s at 0.8; MuJoCo's own contact lifts it."""
     exact = ContactSetting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
     lift, _, whole = simulate_slide(ball(exact), 2.0, 1.0, exact=True)
     assert lift < 0.0

@@ -29,7 +29,10 @@ def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
 
 
 def test_standing_still_follows_no_command_to_move():
-    """The error of 0.1 m/s is within 0.15 m/s + 20 %, but is a standstill; a command of 0.04 m/s requires no motion."""
+    """The robot stands still, with an error of 0.1 m/s within the limit of 0.15 m/s + 20 %.
+
+    A command of 0.04 m/s requires no motion.
+    """
     for speed, kept in ((0.1, False), (0.04, True)):
         intervals = CommandIntervalTracker(1, DT)
         walk(intervals, 15, speed * FORWARD, (0.0, 0.0, 0.0))

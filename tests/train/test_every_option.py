@@ -247,7 +247,7 @@ def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_pa
 
 
 def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Segments of two rollouts: each starts with the observations of its own seeds at the start of an episode."""
+    """Each segment of two rollouts starts with the observations of its own seeds at the start of an episode."""
     config, begins = parse([*SMALL.split(), "--mixture", "flat", "1", "--max-episode-steps", "4"]), []
     env, twin = make_env(config), make_env(config)
 

@@ -157,7 +157,7 @@ def test_a_run_that_is_stopped_anywhere_ends_with_the_same_bits(steps, runs, tmp
 def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     module, name, done, runs, killed, monkeypatch
 ):
-    """After the last checkpoint, a resumed run must write the other final files again."""
+    """A run resumed from its last checkpoint has no training step left that would write the other final files."""
 
     def dying(*arguments):
         written.append(arguments)

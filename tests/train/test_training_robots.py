@@ -106,7 +106,7 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
 
 
 def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that_robot_alone(monkeypatch):
-    """Steps of 0.01 s with replaced readings: the first second settles, and a new command ends an interval."""
+    """Readings of steps of 0.01 s are replaced: the first second settles, and a new command ends an interval."""
     (batch,) = batches(2)
     robots, told = MultiScenarioVectorEnv([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
 

@@ -103,9 +103,7 @@ def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
 
 @pytest.mark.parametrize("names", [("trot", "residual"), (*drawing.FIXED_STYLE_POLICIES, LONG, "b")])
 def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
-    """The number of pixels in the colour of each policy is compared between a plot of the
-    policy alone and of all policies.
-    """
+    """The number of pixels in a policy's colour is compared between a plot of this policy alone and a plot of all."""
     results, axis = against_push(made_up_cell, *names)
     with drawing.plot_settings():
         whole = curves.draw_severity_curves(results, axis, FALL_RATE, "falls")

@@ -33,7 +33,10 @@ def test_a_few_scenarios_have_every_figure(made) -> None:
 
 
 def test_the_ranking_comes_first_and_says_where_each_is_weak(made) -> None:
-    """The policy `other` falls less on three of four pushes and more on rough; an axis weighs as much as all pushes."""
+    """The policy `other` falls less on three of four pushes and more on rough.
+
+    The axis rough weighs as much as all pushes.
+    """
     lines = printed(made)
     assert lines[0].startswith("trot is best: success 79 % [75, 83], 7.3 points [")
     (first,) = (number for number, line in enumerate(lines) if line.split()[:2] == ["policy", "score"])

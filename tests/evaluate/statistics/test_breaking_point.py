@@ -77,7 +77,10 @@ def test_levels_the_wrong_way_round_become_one() -> None:
 
 
 def test_the_line_between_two_levels_is_straight_over_the_logarithm() -> None:
-    """10 of 40 at 50 and 30 of 40 at 72 N·s: one half is at √(50 · 72) = 60; both levels are within 0.1 %."""
+    """With 10 of 40 falls at 50 and 30 of 40 at 72 N·s, one half is at √(50 · 72) = 60 N·s.
+
+    Both differences from one half have p = 0.1 %.
+    """
     fell = np.zeros((3, 40), bool)
     fell[1, :10], fell[2, :30] = True, True
     point = breaking_point(np.array([20.0, 50.0, 72.0]), fell)

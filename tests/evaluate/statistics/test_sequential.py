@@ -80,7 +80,9 @@ def by_a_point(more: int, pairs: int) -> dict[str, np.ndarray]:
 
 
 def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_last() -> None:
-    """Better in 18 of 24 episodes: p = 0.0227 is between 0.045 / 8 of the first analysis and 0.0282 of the last one."""
+    """18 of 24 differences are positive: p = 0.0227 is between 0.045 / 8 of the first and
+    0.0282 of the last analysis.
+    """
     (early,) = compare_adjacent_policies(by_a_point(18, 24), 96)
     assert early.p_value == pytest.approx(0.0227, abs=0.005)
     assert (early.distinguished, early.futile) == (False, False)
@@ -89,7 +91,7 @@ def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_l
 
 
 def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
-    """Better in 47 of 72 episodes: p = 0.0128 is between 0.0195 of two policies and 0.00935 of three policies."""
+    """47 of 72 differences are positive: p = 0.0128 is between 0.0195 for two policies and 0.00935 for three."""
     pair = by_a_point(47, 72)
     assert compare_adjacent_policies(pair, 96)[0].distinguished
     first, last = compare_adjacent_policies(pair | {"third": pair["second"] - 5.0}, 96)
@@ -98,7 +100,7 @@ def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
 
 
 def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
-    """Better in 26 of 48 episodes, p = 0.665: the predictive power at 96 is 5.6 % at the last level, 0.0282.
+    """26 of 48 differences are positive, p = 0.665: the predictive power at 96 is 5.6 % at the last level, 0.0282.
 
     By the level of the present interim analysis, 0.0121, it would be 2.9 %. With 25 of 48, p = 0.885, it is 2.3 %.
     """

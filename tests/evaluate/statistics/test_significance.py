@@ -40,7 +40,7 @@ def test_a_p_value_is_neither_zero_nor_more_than_one() -> None:
 
 
 def test_random_sign_flips_have_the_chances_of_all_of_them() -> None:
-    """Twenty differences near the 5 % level; the mean over 30 seeds has a standard error of 0.0004."""
+    """Twenty differences have a p-value near 5 %; the mean over 30 seeds has a standard error of 0.0004."""
     differences = np.random.default_rng(7).laplace(0.42, 1.0, 20)
     signs = np.array(list(itertools.product((1.0, -1.0), repeat=10)))
     sums = (signs @ differences[:10])[:, None] + signs @ differences[10:]

@@ -139,7 +139,7 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
 
 
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
-    """The push is 35 N·s within 0.1 s; a large remainder a second later would let the robot lean against nothing."""
+    """The push is 35 N·s within 0.1 s; a large remainder a second later would make the robot lean against no force."""
     robot, sense = Trotting(), ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     largest = 0.0
     for step in range(250):
@@ -198,9 +198,10 @@ def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
 
 
 def test_contact_is_known_on_motors_and_encoders() -> None:
-    """On the hardware profile, contact of loaded feet is detected within a control period, and not in the air.
+    """On the hardware profile, contact of loaded feet is detected within a control period.
 
-    Feet that lifted off in the previous period may still count as standing, since the forces are means of two periods.
+    No contact is detected for feet in the air. Feet that lifted off in the previous period may still count as standing,
+    since the forces are means of two periods.
     """
     real = hardware_profile(SIMPLE_QUAD)
     hardware = HardwareConfig(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]

@@ -188,7 +188,7 @@ def test_a_slip_is_forgotten_in_the_stated_time() -> None:
 
 
 def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> None:
-    """For robots of 14.2 and 28.4 kg: force / mass, and (moment - centre × force) / inertia."""
+    """The accelerations of robots of 14.2 and 28.4 kg are force / mass and (moment - centre × force) / inertia."""
     now = at(projected_gravity=[(0.0, 0.0, -1.0), (0.0, -np.sin(0.5), -np.cos(0.5))])
     bodies = now.bodies._replace(
         mass=np.array([14.2, 28.4]),
@@ -204,7 +204,10 @@ def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> N
 
 
 def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> None:
-    """10 kg, 0.1 m to the left and 0.2 m above a trunk rolled by 0.3 rad: the weight acts along (0, -sin, -cos)."""
+    """The payload is 10 kg, 0.1 m to the left and 0.2 m above a trunk rolled by 0.3 rad.
+
+    Its weight acts along (0, -sin, -cos) of 0.3 rad.
+    """
     rotation = at(1, projected_gravity=(0.0, -np.sin(0.3), -np.cos(0.3))).rotation
     found = PointLoad(np.array([10.0]), np.array([[0.0, 0.1, 0.2]])).gravity_wrench(rotation)
     moment = 98.1 * (-0.1 * np.cos(0.3) + 0.2 * np.sin(0.3))

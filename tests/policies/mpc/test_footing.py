@@ -130,7 +130,11 @@ def test_a_swing_is_a_cubic_that_leaves_and_lands_with_the_ground(
 
 
 def test_the_acceleration_of_a_swing_is_the_mean_one_of_the_coming_control_period() -> None:
-    """At 0.5 and, 10 ms later, 0.55: 1.5 and 1.485 of the distance per swing, -0.5 and -0.485 of -0.1 m."""
+    """The mean acceleration is the velocity change from progress 0.5 to, 10 ms later, 0.55.
+
+    The path velocity changes from 1.5 to 1.485 of the distance per swing, and that of the ground from -0.5 to -0.485 of
+    its -0.1 m.
+    """
     ahead = ((1.485 * 0.2 + 0.485 * 0.1) - (1.5 * 0.2 + 0.5 * 0.1)) / 0.2 / 0.01
     np.testing.assert_allclose(swung(0.5)[2][:2], [ahead, (1.485 - 1.5) * 0.05 / 0.2 / 0.01], atol=0.01)
 

@@ -44,7 +44,10 @@ def walked(policy: MpcWbc) -> Walked:
 
 @pytest.mark.parametrize("gait", OFFSETS)
 def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str) -> None:
-    """The landing order of another gait differs by at least a quarter of a cycle; the bound's hind legs by 0.14."""
+    """The landing order of another gait differs by at least a quarter of a cycle.
+
+    The bound's hind legs differ by 0.14.
+    """
     policy = policies.make("mpc_wbc" if gait == "trot" else f"mpc_wbc_{gait}")
     found, duty = walked(policy), policy.parameters.duty
     assert not found.fell.any()

@@ -23,7 +23,10 @@ MOTOR = Actuator(TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque
 
 
 def test_servos_give_a_spring_s_and_a_damper_s_torque_within_what_motors_give_at_their_speed() -> None:
-    """300 · 0.1 - 10 · 2 = 10 N·m; at 8 rad/s, 300 · 0.5 - 80 = 70 N·m is limited to 20; at -8 rad/s to 80."""
+    """The torque is 300 · 0.1 - 10 · 2 = 10 N·m.
+
+    300 · 0.5 - 80 = 70 N·m at 8 rad/s is limited to 20 N·m, and at -8 rad/s to 80 N·m.
+    """
     servos = ServoModel(SIMPLE_QUAD, MOTOR, PERIOD)
     speed = np.tile([2.0, 8.0, -8.0], 4)[None]
     targets = np.tile([0.1, 0.5, 0.5], 4)[None]
@@ -92,7 +95,7 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
 
 
 def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
-    """A robot in the air: 142 N on 14.2 kg for 10 ms, ahead and up; gravity cancels the upward part."""
+    """A force of 142 N accelerates 14.2 kg in the air for 10 ms, ahead and up; gravity cancels the upward part."""
     now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, reading(1)), SIMPLE_QUAD.home_pose[None]
     wrench = np.array([[142.0, 0.0, 142.0, 0.0, 0.0, 0.0]])
     free, pushed = (

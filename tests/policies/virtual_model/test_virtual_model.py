@@ -52,7 +52,7 @@ def test_feet_together_bear_the_weight_and_press_harder_where_the_trunk_is_too_l
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_tilted_trunk_is_turned_back_by_the_feet_of_the_lower_side(axis: int) -> None:
-    """Left side up: roll above 0. Nose down: pitch above 0. Feet are fl, fr, hl, hr."""
+    """The roll is positive with the left side up, and the pitch with the nose down. Feet are fl, fr, hl, hr."""
     gravity = [(0.0, -0.1, -0.995), (0.1, 0.0, -0.995)][axis]
     now = standing(projected_gravity=gravity)
     assert now.tilt[0, axis] == pytest.approx(0.1, rel=0.01)
@@ -78,7 +78,10 @@ def test_a_command_pulls_along_and_on_a_slope_up_with_the_trunk_parallel_to_it()
 
 
 def test_a_command_pulls_up_a_side_slope_with_the_trunk_parallel_to_it() -> None:
-    """The ground rises by 0.1 to the left: 0.04 m/s upward at 0.4 m/s to the left, and left side up: roll above 0."""
+    """The ground rises by 0.1 to the left: the velocity is 0.04 m/s upward at 0.4 m/s to the left.
+
+    The left side is up, with a positive roll.
+    """
     now = standing(command=(0.0, 0.4, 0.0))
     uphill, downhill = pull(now, lateral=0.1), pull(now, lateral=-0.1)
     assert uphill[2] == pytest.approx(0.04 * P.height_damping, abs=1e-6)
@@ -138,7 +141,7 @@ def test_forces_stay_within_the_cone_and_never_pull() -> None:
 
 
 def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations() -> None:
-    """Two feet with different weights: the result is the least-squares solution of least norm."""
+    """The forces of two feet with different weights are the least-squares solution of least norm."""
     now, diagonal = standing(), np.array([[True, False, False, True]])
     p = replace(P, planar_priority=0.7, tilt_priority=0.4, yaw_priority=0.15)
     wanted = np.array([-0.5, 0.4, 0.3, 1.5, -1.0, 2.0])

@@ -97,7 +97,7 @@ def test_targets_have_no_way_to_go_where_nothing_delays_them() -> None:
 
 
 def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home() -> None:
-    """1 / (2π) Hz and steps of 0.1 s: 1 - e^-0.1 = 0.0951626 of the distance in each step, visible one step later."""
+    """At 1 / (2π) Hz, each step of 0.1 s covers 1 - e^-0.1 = 0.0951626 of the distance, visible one step later."""
     lag, share = FirstOrderFilter(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
     targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
     for reached in (0.0, share, share + (1.0 - share) * share):

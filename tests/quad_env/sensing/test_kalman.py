@@ -242,7 +242,10 @@ def begun(late: int = 0) -> KalmanFilter:
 
 
 def test_a_velocity_goes_on_over_the_delay_with_its_acceleration_and_0_8_of_the_change_of_that() -> None:
-    """With 1 m/s² from one sample on and 30 ms of delay: 0.03 · (1 + 0.8 · 1) m/s at first, then 0.03 m/s."""
+    """The velocity is 0.03 · (1 + 0.8 · 1) m/s at first, then 0.03 m/s.
+
+    The acceleration is 1 m/s² from one sample on, and the delay 30 ms.
+    """
     filter_ = begun(late=3)
     for gained in (0.054, 0.03, 0.03):
         moved_on(filter_, accelerometer=np.array([[1.0, 0.0, 9.81]]), **IN_THE_AIR)

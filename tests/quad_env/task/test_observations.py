@@ -67,7 +67,7 @@ def test_readings_beyond_a_bound_are_that_bound(sign: float) -> None:
 
 @pytest.mark.parametrize("make", [SimpleQuadEnv, lambda: SimpleQuadVectorEnv(2)], ids=["one", "batch"])
 def test_an_environment_shows_the_targets_of_the_step_that_it_has_made(make: Any) -> None:
-    """The targets are clipped, from the first step on; at the start they are the home pose."""
+    """The targets are clipped from the first step on, and equal the home pose at the start."""
     env = make()
     observation, _ = env.reset(seed=0)
     assert not observation[..., OBSERVATION["previous_action"]].any()
