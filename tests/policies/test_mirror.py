@@ -36,7 +36,7 @@ def network(*sizes: int) -> Network:
 
 
 def coordinate_mirror(robot: Any) -> tuple[Mirror, Mirror]:
-    """Mirrors of the generalised positions and velocities of a robot: y changes its sign."""
+    """Return the mirrors of a robot's generalised positions and velocities; y changes its sign."""
     joints = joint_mirror(robot)
     vector, quaternion = signs_mirror(VECTOR_SIGNS), signs_mirror((1.0, -1.0, 1.0, -1.0))
     return (
@@ -46,7 +46,10 @@ def coordinate_mirror(robot: Any) -> tuple[Mirror, Mirror]:
 
 
 def mirror_error(name: str, steps: int) -> float:
-    """Largest deviation of the inputs of a robot from the mirrored inputs of a mirrored robot with mirrored targets."""
+    """Return the largest deviation between a robot's inputs and the mirrored inputs of its mirror image.
+
+    The mirror image has mirrored targets.
+    """
     robots: Any = gym.make_vec("SimpleQuad-v0", num_envs=2, robot=name)
     robot = robots.unwrapped.robot
     commands = np.array((0.6, 0.3, -0.7)) * np.array(((1.0, 1.0, 1.0), COMMAND_SIGNS))

@@ -18,11 +18,11 @@ NAMED = ("go1", "go2")
 STIFF = {"behaviour", "bound", "crouch", "document", "document_repaired", "gaits", "pace", "pronk", "stand", "trot"}
 STIFF |= {"trot_integral", "walk", "safe:trot"}
 OWN = {"residual", "trot_reference"}
-"""Policies with servo gains of their own on go1 and go2."""
+"""Policies with their own servo gains on go1 and go2."""
 
 
 def shipped(robot: str) -> list[str]:
-    """The policies that there are for a robot, and one of them with the safety layer."""
+    """Return the policies that are available for a robot, and one of them with the safety layer."""
     model = quad_env.ROBOTS[robot] if robot != "simple_quad" else quad_env.SIMPLE_QUAD
     return ["safe:trot", *(name for name in policies.names() if not policies.is_missing(name, model))]
 

@@ -29,7 +29,7 @@ TINY = (
 
 
 def end_to_end(words: str = "") -> policies.ResidualPolicy:
-    """A policy on the pose `stand` of go1; with `words` the pose has their servo gains."""
+    """Return a residual policy on the pose `stand` of go1; the argument `maker` gives the maker's servo gains."""
     robot = get_robot("go1")
     base = Stand(robot=robot.with_servo() if words == "maker" else robot)
     weights = np.zeros((Features(base).width, 12), np.float32)

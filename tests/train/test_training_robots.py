@@ -170,7 +170,7 @@ def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
 @pytest.mark.parametrize(
     ("longest", "ppo", "rollouts"),
     [
-        (1000, PpoConfig(envs=256, rollout_steps=24, hold=2), 21),  # of 20.8
+        (1000, PpoConfig(envs=256, rollout_steps=24, hold=2), 21),  # rounded from 20.8
         (10, PpoConfig(envs=1, rollout_steps=64, hold=1), 1),
     ],
 )

@@ -80,9 +80,7 @@ def by_a_point(more: int, pairs: int) -> dict[str, np.ndarray]:
 
 
 def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_last() -> None:
-    """18 of 24 differences are positive: p = 0.0227 is between 0.045 / 8 of the first and
-    0.0282 of the last analysis.
-    """
+    """18 of 24 differences are positive: p = 0.0227 is between 0.045 / 8 of the first and 0.0282 of the last level."""
     (early,) = compare_adjacent_policies(by_a_point(18, 24), 96)
     assert early.p_value == pytest.approx(0.0227, abs=0.005)
     assert (early.distinguished, early.futile) == (False, False)

@@ -42,7 +42,7 @@ def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: st
     terrain = scenario.terrain
     assert isinstance(terrain, SmoothRandom)
     x, y = np.transpose([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in seeds])
-    width = terrain.spawn_radius / 4  # of a cell: eight a side
+    width = terrain.spawn_radius / 4  # width of a cell: eight cells a side
     assert width >= 6 * terrain.correlation_length
     places = {(i, j) for i, j in zip(np.floor(x / width).tolist(), np.floor(y / width).tolist(), strict=True)}
     assert 32 <= len(places) <= 50

@@ -83,7 +83,7 @@ BY_HAND = {
     "pose": 0.5 * math.exp(-(0.01 + 0.04 + 0.1 * 0.16)),
     "stand_still": 0.0,  # the command is to move
     "joint_limits": -6.0 * (0.6 - 0.95 * 0.5),  # joint 1 is at 0, 0.6 below the middle of its range
-    "foot_slip": -0.2 * 0.01,  # of the second foot alone, which stands
+    "foot_slip": -0.2 * 0.01,  # the second foot is the only one in contact
     "foot_clearance": -9.0 * (0.16**2 * 0.1 + 0.08**2 * 0.2),
 }
 """1/s. Weighted rates."""
