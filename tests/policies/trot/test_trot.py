@@ -154,9 +154,8 @@ def walk(seeds, scenario):
 def test_it_follows_commands_over_the_whole_range_without_falling():
     measures = walk(episode_seeds("search", 1, 16), "flat")
     assert not measures.fell.any()
-    assert np.ptp(measures.commands, axis=(0, 1)) == pytest.approx(
-        [2.5, 1.6, 2.4], rel=0.3
-    )  # the commands cover the range
+    # The commands cover the range.
+    assert np.ptp(measures.commands, axis=(0, 1)) == pytest.approx([2.5, 1.6, 2.4], rel=0.3)
     assert measures.velocity_error.mean() <= 0.20
     assert measures.mean_velocity_error.mean() <= 0.12
     assert measures.yaw_rate_error.mean() <= 0.35

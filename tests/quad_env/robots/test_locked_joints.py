@@ -33,9 +33,8 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
     assert robot.locked_joints == NAMES
     assert (robot.joint_names, robot.rated_torque) == (plain.joint_names, plain.rated_torque)
     assert robot.mass == pytest.approx(plain.mass + 0.35)
-    assert robot.home_hip_height == pytest.approx(
-        0.2 * np.cos(0.8) + 0.22 * np.cos(0.7)
-    )  # the same keyframe has these joint angles
+    # The same keyframe has these joint angles.
+    assert robot.home_hip_height == pytest.approx(0.2 * np.cos(0.8) + 0.22 * np.cos(0.7))
     places, theirs = [], mujoco.MjModel.from_xml_string(WITH_ARM)
     for model, trunk, prefix in ((theirs, "torso", ""), (robot.model, "base_link", "own/")):
         data = mujoco.MjData(model)
