@@ -163,7 +163,8 @@ class ExternalPolicy(Policy):
     Args:
         reference: Path of the policy's file, or `FILE.py:NAME` for a class or object in a Python file.
         trust: True to load files in which code can be hidden, for example pickles.
-        **made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification.
+        **made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification,
+            or of the `Policy` in a Python file.
     """
 
     failure: NDArray[np.object_]
@@ -197,15 +198,18 @@ class ExternalPolicy(Policy):
     def _smoke_test(self) -> None:
         """Load the policy in a subprocess, and raise PolicyError if it cannot be loaded or returns no action.
 
-        The subprocess is ended afterwards.
+        The attribute `robot` gets the servo gains that the policy commands. The subprocess is ended afterwards.
         """
         try:
             self._process.call(("reset", 1, None), _time_limit(LOAD_TIMEOUT, START_TIMEOUT))
+            gains = self._process.call(("servo_gains",), _time_limit(LOAD_TIMEOUT, START_TIMEOUT))
         except (DeadlineMissedError, PolicyProcessError) as error:
             reason = str(error).removeprefix("PolicyError: ")
             raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
         finally:
             self._process.close()
+        if gains is not None and not self.robot.has_gains(gains):
+            self.robot = self.robot.with_servo(*gains)
 
     def close(self) -> None:
         """End the policy's subprocess; the next call of `reset` starts another one."""

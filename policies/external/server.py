@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Mask, Policy, PolicyError
+from policies.base import Actions, Floats, Mask, Policy, PolicyError
 from policies.external import onnx_file, python_file, sb3_file
 from policies.external.act_function import ActFactory, ActFunction
 from policies.external.network_policy import NetworkPolicy
@@ -173,6 +173,13 @@ class PolicyServer:
         if reason is not None:
             expected = f"an action {action_shape} for an observation {observation.shape}"
             raise PolicyError(f"{reference} must give {expected}; it {reason}")
+
+    def servo_gains(self) -> Floats | None:
+        """Return the servo gains of a `Policy`, (2, 12): stiffness, N·m/rad, and damping, N·m·s/rad.
+
+        Other callables command the servos of the robot as they are; the result is then None.
+        """
+        return self._loaded.robot.servo_gains()[:, 0] if isinstance(self._loaded, Policy) else None
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Reset the policy for n robots.

@@ -1,5 +1,6 @@
 """One name, one robot: the loop of the README gives the evaluator's bits, or is refused with the remedy."""
 
+from contextlib import closing
 from itertools import product
 from typing import Any
 
@@ -104,3 +105,16 @@ def test_a_robot_of_a_file_has_one_set_of_gains(tmp_path: Any) -> None:
         np.testing.assert_array_equal(policies.make(name, robot=robot).robot.servo_stiffness, robot.servo_stiffness)
     with pytest.raises(PolicyError, match=r'^trot_reference commands .*servo="own"'):
         policies.make("trot_reference", robot=robot)
+
+
+@NEEDS_MODELS
+def test_a_policy_of_a_python_file_is_evaluated_on_the_gains_that_it_commands(tmp_path: Any) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("import policies\n\nclass Mine(policies.Trot):\n    pass\n", encoding="utf-8")
+    name = f"{file}:Mine"
+    np.testing.assert_array_equal(evaluated(name, "go2"), evaluated("trot", "go2"))
+    with pytest.raises(PolicyError, match=r'mine\.py:Mine commands servos of 228.*servo="stiff"'):
+        policies.resolve(name, robot="go2")
+    for servo, gains in (("own", "228"), ("stiff", "228"), ((30.0, 1.0), "30")):
+        with closing(policies.resolve(name, robot="go2", servo=servo)) as policy:
+            assert policy.robot.servo.startswith(f"{gains} N·m/rad"), servo
