@@ -13,7 +13,7 @@ from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import find_actuator
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.config import RewardWeights
+from quad_env.config import PhysicsOptions, RewardWeights
 from quad_env.physics.simulators import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -22,6 +22,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import user_rewards
 
 PolicyKind = Literal["residual", "end-to-end"]
+RecipeName = Literal["default", "joystick"]
 BaseName = Literal[
     "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
     "stand", "trot", "trot_feedback", "trot_integral", "trot_reference", "walk",
@@ -104,7 +105,10 @@ class PpoConfig:
     learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
     """Learning rate of the Adam optimiser at the start of the run."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
-    """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
+    """linear: to learning-rate-final at the last step; adaptive: halved or raised to keep the KL divergence near
+    target-kl."""
+    learning_rate_final: float = parameter(0.0, limits=(0.0, 1.0))
+    """Learning rate at the last step, for the linear schedule."""
     target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
     """Target KL divergence of the policies before and after one update, for the adaptive schedule, nat."""
     hold: int = parameter(2, limits=(1, 1000))
@@ -125,6 +129,12 @@ class PpoConfig:
     """Numbers of units in the hidden layers of the policy network."""
     critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Numbers of units in the hidden layers of the value network."""
+    symmetry: Literal["none", "actor", "actor-critic"] = "none"
+    """Networks that are symmetric to left and right, for --base crouch or stand without a height scan; the policy
+    network in the bundle then has layers of twice the width."""
+    normalization: Literal["none", "running"] = "none"
+    """running: normalise the inputs by their running mean and standard deviation, which the bundle's first layer
+    contains; none: fixed scales only."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,6 +155,9 @@ class TrainConfig:
 
     policy: PolicyKind = "residual"
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
+    recipe: RecipeName = "default"
+    """Defaults of all other options: default, or joystick, a walk of --robot go1 from scratch in minutes, for --policy
+    end-to-end."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
     # The upper limit is 10**12 - 1, because the file name of a checkpoint has twelve digits for the number of steps.
@@ -171,6 +184,10 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = parameter(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
+    correction: Literal["bounded", "scaled"] = "bounded"
+    """scaled: corrections are not clipped; the authorities are the scales of the network's output, not limits."""
+    clock_phase: Literal["zero", "random"] = "zero"
+    """Phase of the clock, --inputs.clock, at the start of a training episode."""
     inputs: Inputs = HISTORY_INPUTS
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Give the network a height scan of the ground around the robot, see --scan."""
@@ -178,6 +195,12 @@ class TrainConfig:
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the training, each with its share of the robots; also combined ones, payload=15+slope=10, and
     flat+randomised, with domain randomisation."""
+    commands: Literal["scenario", "random"] = "scenario"
+    """random: commands with components that are zero or stay by chance, at random times with a mean of 5 s; scenario:
+    every component new, every 5 s."""
+    kicks: float = parameter(0.0, limits=(0.0, 10.0))
+    """Largest velocity change by a kick, m/s; each robot is kicked every 1 to 3 s, for 0.05 to 0.2 s. 0: none."""
+    physics: PhysicsOptions = dataclasses.field(default_factory=PhysicsOptions)
     curriculum: float = parameter(0.1, limits=(0.0, 1.0))
     """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). It rises
     if the robots track their commands, and falls if they do not. 1: full severity from the start."""
@@ -201,6 +224,8 @@ class TrainConfig:
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     rewards: RewardWeights = REWARDS
+    reward_floor: float | None = parameter(None, limits=(-1e6, 1e6))
+    """Lower bound of the reward of a learner step, before its scale; by default there is none."""
     extension_rewards: tuple[tuple[str, float], ...] = ()
     """Reward terms of installed extensions, each with its weight per second, for example height_error -2."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
@@ -241,8 +266,40 @@ _END_TO_END = TrainConfig(
         log_std_init=-1.0, log_std_final=-2.5,
     ),
 )  # fmt: skip
+JOYSTICK_REWARDS = RewardWeights(
+    linear_velocity_tracking=0.6, yaw_rate_tracking=0.24, gait=0.4, pose=0.1, tilt=-1.0, vertical_velocity=-0.1,
+    roll_pitch_rate=-0.01, joint_limits=-0.2, action_rate=-0.016, touchdown_speed=-0.4, mechanical_power=-0.0002,
+    torque=0.0, fall=0.0,
+)  # fmt: skip
+"""Reward weights of the recipe joystick, after the joystick task of MuJoCo Playground with a reward for the gait."""
+_JOYSTICK = TrainConfig(
+    policy="end-to-end", recipe="joystick", robot="go1", servo="35/0.5", base="stand", steps=6_000_000,
+    joint_authority=0.5, hip_authority=0.5, correction="scaled", inputs=Inputs(clock=2.0, clock_at_rest="hidden"),
+    clock_phase="random", mixture=(("flat", 1.0),), commands="random", curriculum=1.0, effort_ramp=0.0,
+    physics=PhysicsOptions(contacts="feet", joint_friction="none"), rewards=JOYSTICK_REWARDS, reward_floor=0.0,
+    ppo=PpoConfig(
+        envs=1024, rollout_steps=24, minibatch=6144, epochs=5, learning_rate=1e-3, learning_rate_schedule="linear",
+        learning_rate_final=5e-4, gamma=0.99, entropy=0.005, log_std_init=-0.7, symmetry="actor",
+        normalization="running",
+    ),
+)  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Kind of policy, "residual" or "end-to-end" -> its default settings of a training run."""
+RECIPES: dict[RecipeName, TrainConfig] = {"joystick": _JOYSTICK}
+"""Name of a recipe but the default one -> its settings of a training run."""
+
+
+def default_settings(given: TrainConfig) -> TrainConfig:
+    """Return the default settings for the policy, the recipe and the robot in `given`.
+
+    Raises UsageError if the recipe is for another kind of policy.
+    """
+    if given.recipe == "default":
+        return dataclasses.replace(DEFAULTS[given.policy], robot=given.robot)
+    recipe = RECIPES[given.recipe]
+    if given.policy != recipe.policy:
+        raise UsageError(f"--recipe {given.recipe} is for --policy {recipe.policy}")
+    return recipe if given.robot == HardwareConfig.robot else dataclasses.replace(recipe, robot=given.robot)
 
 
 def check(config: TrainConfig) -> None:
@@ -276,6 +333,8 @@ def check(config: TrainConfig) -> None:
     _check_hardware_profile(config)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
+    if config.ppo.symmetry != "none" and (config.base not in POSES or config.sighted):
+        raise UsageError(f"--ppo.symmetry needs --base {' or '.join(POSES)}, without --sighted")
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:

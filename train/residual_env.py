@@ -31,6 +31,12 @@ The items are the observation, (n, m); the reward, (n,); the masks of terminated
 and the infos."""
 
 
+TROT_OFFSETS = (0.0, 0.5, 0.5, 0.0)
+"""Phases of the legs front left, front right, hind left and hind right in the cycle of a trot, as fractions of it."""
+MAX_SCALED_CORRECTION = 100.0
+"""Largest correction that the action space allows if corrections are not bounded; SB3 needs a finite space."""
+
+
 class BaseGroup:
     """Group of k robots with a common base policy, for which the learner computes corrections.
 
@@ -61,11 +67,17 @@ class BaseGroup:
         for all robots in the same step. A second call of `base` would advance the clocks of the other robots twice."""
         self._reset_feature_extractor = Features(self._reset_base, inputs)
 
-    def reset(self) -> None:
-        """Reset the base policy and the history of the features for all robots of the group."""
+    @property
+    def clock_phase(self) -> NDArray[np.float64]:
+        """Phase of the clock of each robot at the latest observation, rad, (k,)."""
+        return self._feature_extractor.clock_phase
+
+    def reset(self, clock_phase: NDArray[np.float64]) -> None:
+        """Reset the base policy and the history of all robots of the group; `clock_phase`, (k,), rad, is the start."""
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
         self._feature_extractor.reset(count)
+        self._feature_extractor.clock_offset[:] = clock_phase
 
     def act(self, observation: FloatArray) -> None:
         """Update `action` and `features` of the group from a new observation.
@@ -76,12 +88,13 @@ class BaseGroup:
         self.action = self.base.act(group_observation)
         self.features = self._feature_extractor.update(group_observation, self.action)
 
-    def reset_rows(self, mask: BoolArray, observation: FloatArray) -> None:
+    def reset_rows(self, mask: BoolArray, observation: FloatArray, clock_phase: NDArray[np.float64]) -> None:
         """Reset the robots of the group that begin an episode, and compute their first action and features.
 
         Args:
             mask: True for robots that begin an episode. The mask covers all n robots of the environment, (n,).
             observation: Observation of all n robots of the environment, (n, m).
+            clock_phase: Phase of the clock of the restarted robots of the group, rad, (j,).
         """
         group_mask = mask[self.rows]
         if not group_mask.any():
@@ -90,6 +103,7 @@ class BaseGroup:
         count = int(group_mask.sum())
         self._reset_base.reset(count)
         self._reset_feature_extractor.reset(count)
+        self._reset_feature_extractor.clock_offset[:] = clock_phase
         action = self._reset_base.act(first)
         features = self._reset_feature_extractor.update(first, action)
         self.base.copy_state_from(group_mask, self._reset_base)
@@ -123,6 +137,8 @@ class ResidualVectorEnv(
         authority: Largest correction of each joint, (12,), rad. None for the default of the robot, see `authority_of`.
         hold: Number of control steps in one step of the learner.
         inputs: Observations of the learner in addition to the current observation and the action of the base policy.
+        bounded: True to clip the corrections to [-1, 1]; otherwise `authority` is their scale.
+        random_clock_phase: True to draw the phase of the clock, `inputs.clock`, at the start of each episode.
 
     Raises:
         ValueError: `env` restarts its robots by itself: its `autoreset_mode` is not DISABLED.
@@ -135,6 +151,8 @@ class ResidualVectorEnv(
         authority: FloatArray | None = None,
         hold: int = 1,
         inputs: Inputs = NO_HISTORY,
+        bounded: bool = True,
+        random_clock_phase: bool = False,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -143,8 +161,15 @@ class ResidualVectorEnv(
         robot = self.bases[0].base.robot
         self.authority = authority if authority is not None else authority_of(robot)
         self._hold = hold
+        self._has_clock = inputs.clock > 0.0
+        self._bounded = bounded
+        self._random_clock_phase = random_clock_phase
+        self._phase_generator = np.random.default_rng(0)
+        self._leg_offsets = 2.0 * np.pi * np.array(robot.in_leg_order(TROT_OFFSETS))
+        """Phase of each leg minus the phase of the clock, rad, (4,)."""
+        limit = 1.0 if bounded else MAX_SCALED_CORRECTION
         self.single_observation_space = Box(-np.inf, np.inf, (self.bases[0].width,), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
+        self.single_action_space = Box(-limit, limit, (robot.num_joints,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -165,8 +190,9 @@ class ResidualVectorEnv(
         if options and "reset_mask" in options:
             raise ValueError("finished robots restart by themselves: leave options['reset_mask'] out")
         observation, infos = self.env.reset(seed=seed, options=options)
+        self._phase_generator = np.random.default_rng(seed)
         for group in self.bases:
-            group.reset()
+            group.reset(self._draw_phases(group.rows.stop - group.rows.start))
         self._update_bases(observation)
         return self._features, infos
 
@@ -200,7 +226,26 @@ class ResidualVectorEnv(
     def _step_robots(self, correction: FloatArray) -> Step:
         """Simulate one control step of all robots with the actions of the base policies plus `correction`, (n, 12)."""
         base_action = np.concatenate([group.action for group in self.bases])
-        return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
+        robot = self.bases[0].base.robot
+        self._set_leg_phases()
+        return self.env.step(apply_correction(robot, base_action, correction, self.authority, self._bounded))
+
+    def _draw_phases(self, count: int) -> NDArray[np.float64]:
+        """Return the phases of the clock of `count` robots at the start of an episode, rad, (count,)."""
+        if not self._random_clock_phase:
+            return np.zeros(count)
+        return self._phase_generator.uniform(0.0, 2.0 * np.pi, count)
+
+    def _set_leg_phases(self) -> None:
+        """Set the phases of the legs in all simulations, for the reward term `gait`, if there is a clock."""
+        if not self._has_clock:
+            return
+        phases = np.concatenate([group.clock_phase for group in self.bases])[:, None] + self._leg_offsets
+        robots: Any = self.env.unwrapped
+        start = 0
+        for batch in getattr(robots, "batches", (robots,)):
+            batch.simulation.leg_phase = phases[start : start + batch.num_envs]
+            start += batch.num_envs
 
     def _restart_finished(self, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the robots for which the mask `finished`, (n,), is True.
@@ -213,7 +258,7 @@ class ResidualVectorEnv(
         }
         observation, reset_infos = self.env.reset(options={"reset_mask": finished})
         for group in self.bases:
-            group.reset_rows(finished, observation)
+            group.reset_rows(finished, observation, self._draw_phases(int(finished[group.rows].sum())))
         masks = {f"_{key}": finished.copy() for key in ends}
         return _merge_infos(finished, reset_infos, infos) | ends | masks
 

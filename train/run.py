@@ -106,6 +106,8 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
         if not np.allclose(policy.authority, authority):
             raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
         check_start_servo(config, policy)
+        if policy.bounded != (config.correction == "bounded"):
+            raise ValueError(f"{start} has another --correction than this run")
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
     if has_checkpoint(start):
@@ -120,5 +122,14 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     """
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    env = ResidualVectorEnv(robots, make_bases(config), authority, config.ppo.hold, config.inputs)
-    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True, keep_actions=True)
+    env = ResidualVectorEnv(
+        robots,
+        make_bases(config),
+        authority,
+        config.ppo.hold,
+        config.inputs,
+        config.correction == "bounded",
+        config.clock_phase == "random",
+    )
+    seeds = training_seeds(config)
+    return TrainingVecEnv(env, seeds, REWARD_SCALE, True, True, config.reward_floor)

@@ -19,7 +19,9 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.robots.robot import Robot
+from quad_env.scenarios.disturbances import Kicks
 from quad_env.scenarios.registry import scenario as find_scenario
+from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import REWARD
@@ -29,6 +31,12 @@ from train.residual_env import BoolArray, FloatArray, Infos, Step
 
 PUSH_SCALE = 500.0
 """Scale of the pushing force in the input of the value network: a force of this size is observed as 1, N."""
+PRIVILEGED_TAIL_SIGNS = (1.0, -1.0, -1.0, 1.0, -1.0)
+"""Signs of the mirrored last values of `infos["privileged"]`: velocity (forward, lateral, yaw rate) and push."""
+COMMAND_ON_PROBABILITY = (0.9, 0.25, 0.5)
+"""Probability that a random command has a forward velocity, a lateral velocity, a yaw rate."""
+COMMAND_KEEP_PROBABILITY = 0.5
+"""Probability that a component of a random command keeps its value in a new command."""
 NO_TRUNCATION = np.iinfo(np.int64).max
 """Control steps after which a first episode is truncated if it must not be truncated: a number never reached."""
 
@@ -228,7 +236,7 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
 
     The rows are the forward and the lateral component in the heading frame, (2, n), N.
     """
-    if batch.scenario.pushes is None:
+    if batch.scenario.pushes is None and batch.scenario.kicks is None:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
     return np.stack(to_heading(rotation, to_components(batch.simulation.push)))
@@ -368,6 +376,19 @@ def effort_weight_scale(config: TrainConfig, steps: int) -> float:
     return min(steps / ramp, 1.0) if ramp else 1.0
 
 
+def with_training_options(scenario: Scenario, config: TrainConfig) -> Scenario:
+    """Return a `scenario` with the kicks and the random commands of a training run, `config`."""
+    if config.commands == "random":
+        commands = dataclasses.replace(
+            scenario.commands,
+            random_intervals=True,
+            on_probability=COMMAND_ON_PROBABILITY,
+            keep_probability=COMMAND_KEEP_PROBABILITY,
+        )
+        scenario = dataclasses.replace(scenario, commands=commands)
+    return dataclasses.replace(scenario, kicks=Kicks(speed=config.kicks)) if config.kicks else scenario
+
+
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
     """Make the vector environment of the robots that train on one scenario.
 
@@ -384,10 +405,12 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     robot = config.hardware.robot_model
     base = make_base(config)
     scenario = with_terrain_seed(at_difficulty(find_scenario(name, robot), share, robot), "training", config.seed)
+    scenario = with_training_options(scenario, config)
     effort_weights = {term: effort * getattr(config.rewards, term) for term in EFFORT_TERMS}
     task = TaskConfig(
         timestep=TIMESTEP,
         solver_iterations=SOLVER_ITERATIONS if config.device == "cpu" else None,
+        physics=config.physics,
         reward_weights=dataclasses.replace(config.rewards, **effort_weights),
     )
     env_kwargs = config.hardware.env_kwargs(base.robot)

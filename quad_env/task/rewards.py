@@ -13,7 +13,6 @@ import numpy as np
 
 from quad_env.columns import (
     BoolOrMask,
-    Components,
     ScalarOrBatch,
     any_true,
     clip,
@@ -166,12 +165,14 @@ def gait(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     A leg with a positive sine of its phase has to swing, at a height in proportion to the sine; the others have to
     stand without slip. All feet have to stand if the command is zero. The term is 0 without a clock.
     """
-    if state.leg_phase is None or state.foot_contact is None:
+    if state.leg_phase is None or state.foot_contact is None or state.foot_height is None or state.foot_speed is None:
         return 0.0 * abs(state.height)
     moves = where(is_stand_command(state), 0.0, 1.0)
-    feet = zip(state.leg_phase, state.foot_contact, _heights(state), _speeds(state), strict=True)
+    scale = SWING_HEIGHT_FRACTION * state.standing_height
+    feet = zip(state.leg_phase, state.foot_contact, state.foot_height, state.foot_speed, strict=True)
     total: ScalarOrBatch = ordered_sum(
-        _foot_agreement(moves * sin(phase), moves, contact, height, speed) for phase, contact, height, speed in feet
+        _foot_agreement(moves * sin(phase), moves, contact, height / scale, speed)
+        for phase, contact, height, speed in feet
     )
     return total / 4.0
 
@@ -188,17 +189,6 @@ def _foot_agreement(sine: Any, moves: Any, contact: Any, height: Any, speed: Any
     stance = where(contact, exp(-(speed * speed) / SLIP_SCALE), 0.0)
     share = moves * clip(0.5 + sine, 0.0, 1.0)
     return share * swing + (1.0 - share) * stance
-
-
-def _heights(state: QuadState[ScalarOrBatch]) -> list[ScalarOrBatch]:
-    """Return the heights of the feet above the terrain, relative to the height at mid-swing."""
-    scale = SWING_HEIGHT_FRACTION * state.standing_height
-    return [height / scale for height in state.foot_height or ()]
-
-
-def _speeds(state: QuadState[ScalarOrBatch]) -> Components[ScalarOrBatch]:
-    """Return the horizontal speeds of the feet, m/s; empty if the simulation does not track them."""
-    return () if state.foot_speed is None else state.foot_speed
 
 
 def pose(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:

@@ -10,7 +10,7 @@ import pytest
 from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.commands.run import parse
-from train.config import DEFAULTS, MIXTURE, BaseName, PpoConfig, TrainConfig
+from train.config import DEFAULTS, MIXTURE, RECIPES, BaseName, PpoConfig, TrainConfig
 from train.run_folder import CONFIG_FILE
 from train.run_record import differences, from_dict, to_dict
 from train.training_robots import robots_per_scenario
@@ -65,6 +65,8 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
         ("--rewards.fall inf", "--rewards.fall must be from"),
         ("--rewards.stumble 1", "--rewards.stumble"),
+        ("--recipe joystick", "--recipe joystick is for --policy end-to-end"),
+        ("--base trot --ppo.symmetry actor", "--ppo.symmetry needs --base crouch or stand"),
         ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
@@ -93,6 +95,16 @@ def test_each_policy_has_its_own_defaults_and_options_override_them():
     end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.2"])
     assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.2)
     assert end_to_end.base == "crouch"
+
+
+def test_a_recipe_sets_robot_gains_and_options_and_others_override_it():
+    recipe = ["--policy", "end-to-end", "--recipe", "joystick"]
+    found = parse(recipe)
+    assert found == RECIPES["joystick"]
+    assert (found.robot, found.servo, found.ppo.hold, found.correction) == ("go1", "35/0.5", 2, "scaled")
+    changed = dataclasses.replace(found, kicks=2.0, rewards=dataclasses.replace(found.rewards, gait=0.0))
+    assert parse([*recipe, "--kicks", "2", "--rewards.gait", "0"]) == changed
+    assert parse([*recipe, "--robot", "go2"]).robot == "go2"
 
 
 def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):

@@ -18,7 +18,8 @@ import pytest
 import policies
 from policies.history import Inputs
 from quad_env.cli.interrupt import Interrupt
-from quad_env.config import RewardWeights
+from quad_env.config import PhysicsOptions, RewardWeights
+from quad_env.scenarios.disturbances import Kicks
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
@@ -36,7 +37,9 @@ from train.training_robots import training_seeds
 
 WORDS = (
     "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
-    "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
+    "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --inputs.clock-at-rest hidden --correction scaled "
+    "--clock-phase random --commands random --kicks 2 --physics.contacts feet-trunk --reward-floor -0.3 "
+    "--mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
     "--effort-ramp 1 --max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
     "--ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
     "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
@@ -113,6 +116,12 @@ def of_both(read: Callable[[Any], Any]) -> Callable[[Ran], Any]:
     return lambda ran: [read(ran.env), read(ran.policy)]
 
 
+def commands(batch: Batch) -> tuple[bool, tuple[float, ...], float]:
+    """Return how commands are drawn: random times, probability of each component, probability to keep one."""
+    drawn = batch.env.scenario.commands
+    return drawn.random_intervals, drawn.on_probability, drawn.keep_probability
+
+
 def authority(each: Any) -> list[float]:
     """Return the authority of hip, thigh and calf, rad."""
     return [round(float(value), 6) for value in each.authority[:3]]
@@ -136,8 +145,23 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
     "inputs": (
         lambda ran: [ran.env.bases[0]._feature_extractor.inputs, ran.policy.features.inputs],
-        [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,
+        [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0, clock_at_rest="hidden")] * 2,
     ),
+    "correction": (lambda ran: [ran.env._bounded, ran.policy.bounded], [False, False]),
+    "clock_phase": (lambda ran: ran.env._random_clock_phase, True),
+    "commands": (
+        lambda ran: [(*commands(each), each.purpose) for each in (ran.of("training")[0], ran.of("validation")[0])],
+        [(True, (0.9, 0.25, 0.5), 0.5, "training"), (False, (1.0, 1.0, 1.0), 0.0, "validation")],
+    ),
+    "kicks": (
+        lambda ran: [each.env.scenario.kicks for each in (ran.of("training")[0], ran.of("validation")[0])],
+        [Kicks(speed=2.0), None],
+    ),
+    "physics": (
+        lambda ran: [each.env.config.physics for each in (ran.of("training")[0], ran.of("validation")[0])],
+        [PhysicsOptions(contacts="feet-trunk"), PhysicsOptions()],
+    ),
+    "reward_floor": (lambda ran: ran.learner.get_env()._reward_floor, -0.3),
     "mixture": (
         lambda ran: {each.env.scenario.name: len(each.seeds) for each in ran.of("training")},
         {"push=60": 1, "rough=0.2": 3},
@@ -175,13 +199,14 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"} | {
+ELSEWHERE = {"recipe", "resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
+    *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization"),
 }
 """Options with their own tests, below or in test_command.py, test_start.py, test_run.py and test_warp.py.
 
-The options of the learner are tested in tests/planted_faults/test_training_faults.py.
+The options of the learner are tested in tests/planted_faults/test_training_faults.py and sb3/test_ppo.py.
 """
 
 
@@ -189,7 +214,7 @@ def options(config: Any, prefix: str = "") -> Iterator[str]:
     """Return the names of all options, with the prefix of their group."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
-        if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs", "scan"):
+        if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs", "scan", "physics"):
             yield from options(value, f"{prefix}{field.name}.")
         else:
             yield prefix + field.name

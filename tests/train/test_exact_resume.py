@@ -150,6 +150,26 @@ def test_a_run_that_is_stopped_anywhere_ends_with_the_same_bits(steps, runs, tmp
     assert bits(tmp_path / "run") == bits(runs / "whole")
 
 
+WALKER = (
+    "--policy end-to-end --recipe joystick --threads 1 --max-episode-steps 14 --validation.interval 200 --kicks 1 "
+    "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
+    "--steps 640"
+)
+
+
+def test_a_run_with_running_statistics_and_random_clocks_ends_with_the_same_bits(tmp_path):
+    for name in ("whole", "run"):
+        words = [*WALKER.split(), "--out", str(tmp_path / name)]
+        if name == "whole":
+            assert main(words) == 0
+        else:
+            interrupted_after(20, words)
+    count = checkpoint.load(tmp_path / "run" / CHECKPOINTS).tensors["policy.features_extractor.count"]
+    assert count == 2 * 3 * ROLLOUT * 16, "of three rollouts and their mirror images"
+    resume(tmp_path / "run")
+    assert bits(tmp_path / "run") == bits(tmp_path / "whole")
+
+
 @pytest.mark.parametrize(
     ("module", "name", "done"),
     [(callbacks, "save_bundle", True), (checkpoint, "save", False), (checkpoint, "save", True)],

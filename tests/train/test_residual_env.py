@@ -11,6 +11,7 @@ from policies.history import Inputs
 from policies.network import Network
 from policies.residual import NO_HISTORY, Features, ResidualPolicy, apply_correction, authority_of
 from policies.trot.open_loop import Trot, searched_parameters
+from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
@@ -222,3 +223,41 @@ def test_what_it_cannot_work_with_is_refused_with_a_remedy():
         env.step(np.zeros(12))
     with pytest.raises(ValueError, match="by themselves"):
         env.reset(options={"reset_mask": np.ones(2, bool)})
+
+
+def test_the_legs_have_the_phases_of_a_trot_on_the_clock_that_the_learner_sees():
+    """Front left and hind right are in phase, half a cycle from the others; the phase of a new episode is random."""
+    inputs = Inputs(clock=2.0)
+    env = ResidualVectorEnv(robots(4, steps=5), policies.make("stand"), inputs=inputs, random_clock_phase=True)
+    seen, _ = env.reset(seed=SEEDS[:4])
+    starts = []
+    for step in range(12):
+        clock = seen[:, -2:]
+        if step % 5 == 0:
+            starts.append(clock.copy())
+        seen, *_ = env.step(noise(step, 4))
+        phase = env.unwrapped.simulation.leg_phase
+        sines = np.sin(phase)
+        np.testing.assert_allclose(sines, clock[:, :1] * np.array((1.0, -1.0, -1.0, 1.0)), atol=1e-6)
+        np.testing.assert_allclose(np.cos(phase[:, 0]), clock[:, 1], atol=1e-6)
+    assert len(np.unique(np.concatenate(starts)[:, 0])) == 12
+    again, _ = env.reset(seed=SEEDS[:4])
+    np.testing.assert_array_equal(again[:, -2:], starts[0])
+
+
+def test_without_a_random_phase_or_clock_nothing_changes():
+    _, seen = residual(2, base="stand", inputs=Inputs(clock=2.0))
+    np.testing.assert_allclose(seen[:, -2], np.sin(2 * np.pi * 2.0 * 0.01), atol=1e-6)
+    plain, _ = residual(2, base="stand")
+    plain.step(noise(0, 2))
+    assert plain.unwrapped.simulation.leg_phase is None
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_corrections_without_bounds_go_beyond_the_authority(bounded):
+    env = ResidualVectorEnv(robots(1), policies.make("stand"), np.full(12, 0.05, np.float32), bounded=bounded)
+    env.reset(seed=SEEDS[:1])
+    seen, *_ = env.step(np.full((1, 12), 3.0, np.float32))
+    expected = 0.05 * (1.0 if bounded else 3.0)
+    np.testing.assert_allclose(seen[0, OBSERVATION["previous_action"]], expected, atol=1e-6)
+    assert env.single_action_space.high[0] == (1.0 if bounded else 100.0)

@@ -14,7 +14,7 @@ from quad_env.cli.command_line import UsageError, normalise_option_names
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.commands import distil
-from train.config import DEFAULTS, TrainConfig, check
+from train.config import DEFAULTS, TrainConfig, check, default_settings
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
 
@@ -26,6 +26,7 @@ COMMANDS = {
 }
 BASIC_OPTIONS = (
     "policy",
+    "recipe",
     "base",
     "steps",
     "seed",
@@ -131,7 +132,7 @@ def _defaults(words: list[str]) -> TrainConfig:
         raise
     if given.resume and not wants_help:
         return dataclasses.replace(load_config(given.folder), out=given.out)
-    return dataclasses.replace(DEFAULTS[given.policy], robot=given.robot)
+    return default_settings(given)
 
 
 def _basic_config() -> type[TrainConfig]:

@@ -176,6 +176,7 @@ class TrainingCallback(BaseCallback):
             config.policy,
             config.inputs,
             config.ppo.hold,
+            config.correction == "bounded",
         )
 
     def _on_step(self) -> bool:

@@ -2,20 +2,30 @@
 
 import dataclasses
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
-from policies.network import Network
+from policies.mirror import (
+    Mirror,
+    concatenate_mirrors,
+    feature_mirror,
+    half_network,
+    joint_mirror,
+    signs_mirror,
+    symmetric_network,
+)
+from policies.network import Network, fold_normalization
 from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
+from train.residual_env import ResidualVectorEnv
+from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import PRIVILEGED_TAIL_SIGNS
 
 MIN_LEARNING_RATE = 1e-5
 """Lower bound of the learning rate of the adaptive schedule, `AdaptiveRate`."""
@@ -53,34 +63,21 @@ class AdaptiveRate:
             self.rate = min(self.rate * 1.5, MAX_LEARNING_RATE)
 
 
-class AsymmetricPolicy(ActorCriticPolicy):
-    """SB3 actor-critic policy in which actor and critic have different observations.
+class RolloutPpo(PPO):
+    """PPO of SB3 with a running normalisation, which looks only at the infos of finished episodes, for speed."""
 
-    The last `privileged` entries of an observation, which a real robot cannot measure, go only to the critic.
-    """
+    def train(self) -> None:
+        """Update the networks from a rollout, then the statistics of the normalisation.
 
-    def __init__(self, *args: Any, privileged: int = 0, **kwargs: Any) -> None:
-        self._privileged = privileged
-        super().__init__(*args, **kwargs)
+        The actions of the rollout were computed with the statistics before it.
+        """
+        super().train()
+        if (running := normalization(self)) is not None:
+            running.update(torch.as_tensor(self.rollout_buffer.observations, device=self.device))
 
-    def _build_mlp_extractor(self) -> None:
-        super()._build_mlp_extractor()
-        seen = self.features_dim - self._privileged
-        narrow = MlpExtractor(seen, self.net_arch, self.activation_fn, self.device)
-        self.mlp_extractor.policy_net = nn.Sequential(TakeFirst(seen), *narrow.policy_net)
-        self.mlp_extractor.latent_dim_pi = narrow.latent_dim_pi
-
-
-class TakeFirst(nn.Module):
-    """PyTorch module that passes on only the first `count` entries of each input vector."""
-
-    def __init__(self, count: int) -> None:
-        super().__init__()
-        self._count = count
-
-    def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the first `count` columns of `rows`, (n, k)."""
-        return rows[:, : self._count]
+    def _update_info_buffer(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_] | None = None) -> None:
+        finished = [] if dones is None else [infos[i] for i in np.flatnonzero(dones)]
+        super()._update_info_buffer(finished)
 
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
@@ -91,16 +88,17 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     rate = config.learning_rate
     if config.learning_rate_schedule == "adaptive":
         return AdaptiveRate(rate, config.target_kl)
-    return partial(_linear_rate, rate) if config.learning_rate_schedule == "linear" else rate
+    linear = partial(_linear_rate, rate, config.learning_rate_final)
+    return linear if config.learning_rate_schedule == "linear" else rate
 
 
-def _linear_rate(rate: float, remaining: float) -> float:
-    """Return the learning rate of a schedule that falls linearly from `rate` to zero.
+def _linear_rate(rate: float, final: float, remaining: float) -> float:
+    """Return the learning rate of a schedule that changes linearly from `rate` to `final`.
 
     `remaining` is the remaining fraction of the run, from 1 down to 0.
     """
     # The fraction can be negative in the last rollout, because this rollout may go beyond the last step of the run.
-    return rate * max(remaining, 0.0)
+    return final + (rate - final) * max(remaining, 0.0)
 
 
 def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
@@ -121,8 +119,13 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     if config.device == "cuda" and not torch.cuda.is_available():
         raise UsageError("--device cuda: PyTorch finds no NVIDIA GPU here")
     ppo = config.ppo
-    network = {"net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)}, "activation_fn": nn.ELU, "ortho_init": True}
-    model = PPO(
+    network: dict[str, Any] = _structure(config, env)
+    network |= {
+        "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
+        "activation_fn": nn.ELU,
+        "ortho_init": True,
+    }
+    model = RolloutPpo(
         AsymmetricPolicy, env, learning_rate(ppo), n_steps=ppo.rollout_steps, batch_size=ppo.minibatch,
         n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2, ent_coef=ppo.entropy,
         vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device=config.device,
@@ -134,17 +137,50 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     return model
 
 
+def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
+    """Return the arguments of `AsymmetricPolicy` for the symmetry and the normalisation of a run."""
+    mirror = None
+    structure: dict[str, Any] = {}
+    if config.ppo.symmetry != "none":
+        group = cast(ResidualVectorEnv, env.env).bases[0]
+        tail = len(PRIVILEGED_TAIL_SIGNS)
+        invariant = signs_mirror((1.0,) * (env.privileged - tail))
+        parts = (feature_mirror(group.base, config.inputs), invariant, signs_mirror(PRIVILEGED_TAIL_SIGNS))
+        mirror = concatenate_mirrors(parts)
+        structure["mirrors"] = (mirror, joint_mirror(group.base.robot))
+        structure["mirror_critic"] = config.ppo.symmetry == "actor-critic"
+    if config.ppo.normalization == "running":
+        structure |= {"features_extractor_class": RunningNormalization}
+        structure |= {"features_extractor_kwargs": {"mirror": mirror}}
+    return structure
+
+
+def normalization(model: PPO) -> RunningNormalization | None:
+    """Return the running normalisation of the learner `model`; None if it has none."""
+    extractor = model.policy.features_extractor
+    return extractor if isinstance(extractor, RunningNormalization) else None
+
+
 def actor_network(model: PPO) -> Network:
     """Return the actor of the learner, which computes the mean correction, as a NumPy network.
 
     Its inputs are the features that a real robot can measure. The other inputs go only to the critic.
+    A running normalisation is folded into the first layer. A symmetric actor is one network of twice the width.
     """
     layers = _actor_layers(model)
-    return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
+    network = Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
+    if (running := normalization(model)) is not None:
+        seen = slice(network.sizes[0])
+        network = fold_normalization(network, _array(running.mean[seen]), _array(running.std[seen]))
+    if (mirrors := _actor_mirrors(model)) is not None:
+        network = symmetric_network(network, *mirrors)
+    return network
 
 
 def set_actor(model: PPO, network: Network) -> None:
     """Copy the weights of a network into the actor of the learner, which computes the mean correction.
+
+    A running normalisation of the learner keeps its initial statistics from then on.
 
     Args:
         model: PPO learner, which is changed.
@@ -155,12 +191,30 @@ def set_actor(model: PPO, network: Network) -> None:
     """
     layers = _actor_layers(model)
     sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
-    if list(network.sizes) != sizes:
-        raise ValueError(f"its network has the widths {list(network.sizes)}, this run's {sizes}")
+    has_symmetry = _actor_mirrors(model) is not None
+    expected = [sizes[0], *(2 * size for size in sizes[1:-1]), sizes[-1]] if has_symmetry else sizes
+    if list(network.sizes) != expected:
+        raise ValueError(f"its network has the widths {list(network.sizes)}, this run's {expected}")
+    if has_symmetry:
+        network = half_network(network)
+    if (running := normalization(model)) is not None:
+        running.freeze()
+        std = _array(running.std[: sizes[0]])
+        network = fold_normalization(network, -_array(running.mean[: sizes[0]]) / std, 1.0 / std)
     with torch.no_grad():
         for layer, weights, bias in zip(layers, network.weights, network.biases, strict=True):
             layer.weight.copy_(torch.from_numpy(weights.T))
             layer.bias.copy_(torch.from_numpy(bias))
+
+
+def _actor_mirrors(model: PPO) -> tuple[Mirror, Mirror] | None:
+    """Return the mirrors of the actor's inputs and outputs; None if it has no symmetry."""
+    policy = cast(AsymmetricPolicy, model.policy)
+    if policy.mirrors is None:
+        return None
+    observation, action = policy.mirrors
+    seen = slice(_actor_layers(model)[0].in_features)
+    return Mirror(observation.order[seen], observation.signs[seen]), action
 
 
 def _actor_layers(model: PPO) -> list[nn.Linear]:

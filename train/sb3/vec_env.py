@@ -30,6 +30,7 @@ class TrainingVecEnv(VecEnv):
         privileged: True: append `infos["privileged"]`, which only the value network may use, to the observations.
         keep_actions: True: store all actions since the last reset in `action_log`, so that a run can be resumed. The
             log grows with every step until the next reset.
+        reward_floor: Lower bound of the reward of a step, before the scale; None for none.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class TrainingVecEnv(VecEnv):
         reward_scale: float = 1.0,
         privileged: bool = False,
         keep_actions: bool = False,
+        reward_floor: float | None = None,
     ) -> None:
         (seen,) = env.single_observation_space.shape or (0,)
         self.privileged: int = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
@@ -49,6 +51,7 @@ class TrainingVecEnv(VecEnv):
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
         self._keep_actions = keep_actions
+        self._reward_floor = reward_floor
         self.action_log: list[FloatArray] = []
         """Actions of all robots since the last reset, one array, (n, k), per step; empty if `keep_actions` is False."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
@@ -103,6 +106,8 @@ class TrainingVecEnv(VecEnv):
                 if "episode" in infos:
                     episode = infos["episode"]
                     robot_infos[i]["episode"] = {"r": float(episode["r"][i]), "l": int(episode["l"][i])}
+        if self._reward_floor is not None:
+            rewards = np.maximum(rewards, self._reward_floor)
         scaled_rewards = (self._reward_scale * rewards).astype(np.float32)
         return self._with_privileged(observation, infos), scaled_rewards, finished, robot_infos
 

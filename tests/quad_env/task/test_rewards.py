@@ -1,7 +1,9 @@
 """Reward terms: values and signs computed by hand."""
 
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 
 from quad_env.config import RewardWeights
@@ -12,7 +14,9 @@ from quad_env.task.rewards import (
     foot_clearance,
     foot_slip,
     gait,
+    joint_limits,
     linear_velocity_error,
+    pose,
     reward_terms,
     stand_still,
     step_weights,
@@ -127,6 +131,20 @@ def test_all_feet_have_to_stand_and_joints_to_be_at_home_where_the_command_is_ze
     still = STATE._replace(command=(0.0, 0.0, 0.0), foot_contact=(True, True, True, False))
     assert gait(still) == pytest.approx((math.exp(-0.25 / 0.05) + math.exp(-0.01 / 0.05) + 1.0 + 0.0) / 4.0)
     assert stand_still(still) == pytest.approx(0.1 + 0.2 + 0.4)
+
+
+def test_terms_of_a_batch_are_those_of_its_robots() -> None:
+    robots = [STATE, STATE._replace(command=(0.0, 0.0, 0.0), joint_position=(0.3,) * 12, foot_contact=(True,) * 4)]
+    constants = ("home_pose", "joint_lower", "joint_upper")
+    batch: QuadState[Any] = STATE._replace(
+        **{
+            name: np.stack([np.asarray(getattr(robot, name)) for robot in robots], axis=-1)
+            for name in STATE._fields
+            if name not in constants
+        }
+    )
+    for term in (gait, pose, stand_still, joint_limits, foot_slip, foot_clearance):
+        np.testing.assert_allclose(term(batch), [term(robot) for robot in robots], rtol=1e-12)
 
 
 def test_without_a_clock_or_feet_their_terms_are_zero() -> None:

@@ -2,13 +2,17 @@
 
 import dataclasses
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 
-from train.config import PpoConfig, TrainConfig
+from policies.mirror import feature_mirror, joint_mirror
+from train.config import RECIPES, PpoConfig, TrainConfig
 from train.run import make_env
-from train.sb3.ppo import AdaptiveRate, actor_network, learning_rate, make_ppo
+from train.sb3 import ppo
+from train.sb3.actor_critic import MIN_STD, RunningNormalization
+from train.sb3.ppo import AdaptiveRate, actor_network, learning_rate, make_ppo, normalization, set_actor
 
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 
@@ -61,6 +65,112 @@ def test_the_numpy_network_is_the_torch_actor():
     np.testing.assert_allclose(before, expected, atol=3e-5)
     shaken(model)  # the exported network is independent of the learner
     np.testing.assert_array_equal(network(inputs[:, : network.sizes[0]]), before)
+
+
+def walker(symmetry, running):
+    """Return a learner on a pose, with statistics of inputs that are not those of the first rollout."""
+    settings = dataclasses.replace(SMALL, symmetry=symmetry, normalization=running)
+    config = dataclasses.replace(RECIPES["joystick"], threads=1, ppo=settings)
+    model = shaken(make_ppo(config, make_env(config)))
+    if (statistics := normalization(model)) is not None:
+        statistics.update(torch.as_tensor(samples(model, seed=1)))
+    return model
+
+
+def samples(model, seed=0, count=200):
+    rng, width = np.random.default_rng(seed), model.observation_space.shape[0]
+    return (np.linspace(-1.0, 2.0, width) + rng.normal(size=(count, width))).astype(np.float32)
+
+
+def mean_action(model, inputs):
+    with torch.no_grad():
+        return model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
+
+
+KINDS = [("actor", "none"), ("none", "running"), ("actor-critic", "running")]
+
+
+@pytest.mark.parametrize(("symmetry", "running"), KINDS)
+def test_a_normalised_or_symmetric_actor_is_one_plain_network_in_a_bundle(symmetry, running):
+    model = walker(symmetry, running)
+    inputs = samples(model)
+    network = actor_network(model)
+    expected = mean_action(model, inputs)
+    assert np.abs(expected).max() > 0.5
+    np.testing.assert_allclose(network(inputs[:, : network.sizes[0]]), expected, atol=1e-4)
+
+
+def test_a_normalisation_that_is_not_folded_is_found(monkeypatch):
+    monkeypatch.setattr(ppo, "fold_normalization", lambda network, *_: network)
+    with pytest.raises(AssertionError):
+        test_a_normalised_or_symmetric_actor_is_one_plain_network_in_a_bundle("none", "running")
+
+
+@pytest.mark.parametrize(("symmetry", "running"), KINDS)
+def test_a_network_that_is_loaded_acts_in_the_learner_as_it_did(symmetry, running):
+    network = actor_network(walker(symmetry, running))
+    learner = walker(symmetry, "none") if running == "none" else walker(symmetry, running)
+    set_actor(learner, network)
+    seen = samples(learner)
+    np.testing.assert_allclose(mean_action(learner, seen), network(seen[:, : network.sizes[0]]), atol=1e-4)
+    if running == "running":  # the statistics are kept, so that the network stays as it was loaded
+        normalization(learner).update(torch.as_tensor(samples(learner, seed=9)))
+        np.testing.assert_allclose(mean_action(learner, seen), network(seen[:, : network.sizes[0]]), atol=1e-4)
+
+
+@pytest.mark.parametrize("symmetry", ["actor", "actor-critic"])
+def test_a_mirrored_observation_gives_the_mirrored_action_and_with_a_symmetric_critic_the_same_value(symmetry):
+    model = walker(symmetry, "running")
+    base = model.get_env().env.bases[0].base
+    image, _ = model.policy.mirrors
+    inputs = samples(model)
+    mirrored = image(inputs)
+    width = feature_mirror(base, RECIPES["joystick"].inputs).order.size
+    assert not np.array_equal(mirrored[:, :width], inputs[:, :width])
+    joints = joint_mirror(base.robot)
+    np.testing.assert_allclose(mean_action(model, mirrored), joints(mean_action(model, inputs)), atol=1e-4)
+    with torch.no_grad():
+        values, others = (model.policy.predict_values(torch.from_numpy(seen)).numpy() for seen in (inputs, mirrored))
+    assert np.allclose(values, others, atol=1e-4) == (symmetry == "actor-critic")
+
+
+def test_the_privileged_inputs_of_a_mirrored_robot_have_mirrored_signs():
+    """The last inputs are the scenario, then velocity forward, lateral, yaw, and push forward, lateral."""
+    model = walker("actor", "none")
+    image, _ = model.policy.mirrors
+    row = np.zeros((1, model.observation_space.shape[0]), np.float32)
+    row[0, -6:] = (1.0, 0.5, 0.3, 0.2, 0.7, 0.9)
+    np.testing.assert_allclose(image(row)[0, -6:], (1.0, 0.5, -0.3, -0.2, 0.7, -0.9))
+
+
+def test_the_running_statistics_are_those_of_all_rows():
+    rng = np.random.default_rng(0)
+    parts = [rng.normal(rng.normal(size=5), rng.uniform(0.1, 3.0, 5), (count, 5)) for count in (7, 200, 33)]
+    statistics = RunningNormalization(gym.spaces.Box(-np.inf, np.inf, (5,)))
+    for part in parts:
+        statistics.update(torch.as_tensor(part.astype(np.float32)))
+    rows = np.concatenate(parts)
+    np.testing.assert_allclose(statistics.mean, rows.mean(axis=0), atol=1e-5)
+    np.testing.assert_allclose(statistics.variance, rows.var(axis=0), rtol=1e-5)
+    seen = statistics(torch.as_tensor(rows, dtype=torch.float32))
+    np.testing.assert_allclose(seen, (rows - rows.mean(axis=0)) / np.sqrt(rows.var(axis=0) + MIN_STD**2), atol=1e-5)
+
+
+def test_statistics_are_updated_after_the_update_from_their_rollout():
+    config = dataclasses.replace(
+        RECIPES["joystick"], threads=1, ppo=dataclasses.replace(SMALL, normalization="running", rollout_steps=4)
+    )
+    model = make_ppo(config, make_env(config))
+    model.learn(16, reset_num_timesteps=False)
+    rows = model.rollout_buffer.observations.reshape(16, -1)
+    np.testing.assert_allclose(normalization(model).mean, rows.mean(axis=0), atol=1e-5)
+    assert normalization(model).count == 16
+
+
+def test_a_linear_rate_ends_at_its_final_value():
+    settings = PpoConfig(learning_rate=1e-3, learning_rate_final=5e-4, learning_rate_schedule="linear")
+    rate = learning_rate(settings)
+    assert [rate(1.0), rate(0.5), rate(0.0), rate(-0.01)] == pytest.approx([1e-3, 7.5e-4, 5e-4, 5e-4])
 
 
 def test_the_linear_rate_ends_at_zero():

@@ -150,3 +150,17 @@ def test_an_environment_that_counts_no_returns_ends_its_episodes_without_them():
     assert finished.tolist() == [True, True]
     for info in infos:
         assert set(info) == {"terminal_observation", "TimeLimit.truncated"}
+
+
+def test_rewards_are_floored_before_they_are_scaled():
+    """The account of an episode keeps its plain rewards."""
+    plain = training_env(3, authority=2.0)
+    floored = training_env(3, authority=2.0, reward_scale=8.0)
+    floored._reward_floor = -0.02
+    seen = []
+    for step in range(30):
+        _, rewards, _, _ = plain.step(noise(step, 3))
+        _, found, _, _ = floored.step(noise(step, 3))
+        np.testing.assert_allclose(found, 8.0 * np.maximum(rewards, -0.02), rtol=1e-5)
+        seen += rewards.tolist()
+    assert min(seen) < -0.02 < max(seen)
