@@ -273,7 +273,7 @@ JOYSTICK_REWARDS = RewardWeights(
 )  # fmt: skip
 """Reward weights of the recipe joystick, after the joystick task of MuJoCo Playground with a reward for the gait."""
 _JOYSTICK = TrainConfig(
-    policy="end-to-end", recipe="joystick", robot="go1", servo="35/0.5", base="stand", steps=6_000_000,
+    policy="end-to-end", recipe="joystick", robot="go1", base="stand", steps=6_000_000,
     joint_authority=0.5, hip_authority=0.5, correction="scaled", inputs=Inputs(clock=2.0, clock_at_rest="hidden"),
     clock_phase="random", mixture=(("flat", 1.0),), commands="random", curriculum=1.0, effort_ramp=0.0,
     physics=PhysicsOptions(contacts="feet", joint_friction="none"), rewards=JOYSTICK_REWARDS, reward_floor=0.0,

@@ -13,7 +13,7 @@ from train.commands.run import parse
 from train.config import DEFAULTS, MIXTURE, RECIPES, BaseName, PpoConfig, TrainConfig
 from train.run_folder import CONFIG_FILE
 from train.run_record import differences, from_dict, to_dict
-from train.training_robots import robots_per_scenario
+from train.training_robots import make_base, robots_per_scenario
 
 
 @pytest.mark.parametrize("kind", DEFAULTS)
@@ -101,7 +101,9 @@ def test_a_recipe_sets_robot_gains_and_options_and_others_override_it():
     recipe = ["--policy", "end-to-end", "--recipe", "joystick"]
     found = parse(recipe)
     assert found == RECIPES["joystick"]
-    assert (found.robot, found.servo, found.ppo.hold, found.correction) == ("go1", "35/0.5", 2, "scaled")
+    assert (found.robot, found.ppo.hold, found.correction) == ("go1", 2, "scaled")
+    robot = make_base(found).robot
+    assert (robot.servo_stiffness[0], robot.servo_damping[0]) == (35.0, 0.5)
     changed = dataclasses.replace(found, kicks=2.0, rewards=dataclasses.replace(found.rewards, gait=0.0))
     assert parse([*recipe, "--kicks", "2", "--rewards.gait", "0"]) == changed
     assert parse([*recipe, "--robot", "go2"]).robot == "go2"
