@@ -1,9 +1,9 @@
 """Disturbance axes: each is a series of scenarios with one disturbance of increasing severity.
 
-The severity is the strength of the disturbance, in a physical unit, such as N·s for pushes. The levels of an axis are
-numbered severities from harmless to hard, chosen for SimpleQuad. At the last level every shipped policy that walks
-falls in four of five episodes. On some axes the last level exceeds a physical limit instead, which the docstring of the
-axis states. On the axis `slow` no robot falls.
+This module defines the axes and finds an axis by its name. The severity is the strength of the disturbance, in a
+physical unit, such as N·s for pushes. The levels of an axis are numbered severities from harmless to hard, chosen for
+SimpleQuad. At the last level, every policy of this project that walks falls in four of five episodes. On some axes the
+last level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot falls.
 """
 
 import math
@@ -21,7 +21,7 @@ from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
-"""Type of a function that takes a severity, in the unit of its disturbance axis, and returns a scenario."""
+"""Type of a function of a severity, in the unit of its disturbance axis, that returns a scenario."""
 
 
 @dataclass(frozen=True)
@@ -33,26 +33,32 @@ class Axis:
 
     name: str
     at: AtSeverity
-    """Function that takes a severity, in `unit`, and returns its scenario.
+    """Function that takes a severity, in `unit`, and returns the scenario with this severity.
 
-    The method `scenario` sets the name, axis and severity of the returned scenario.
+    The method `scenario` calls it, and then sets the name, axis and severity of the returned scenario.
     """
     quantity: str
     """Description of the quantity that the severity measures, for example `mass on the trunk`."""
     unit: str
     levels: tuple[float, ...]
-    """Severities of the numbered levels from easy to hard, in `unit`; they decrease if less is harder (friction)."""
+    """Severities of the numbered levels from easy to hard, in `unit`.
+
+    The numbers decrease if a smaller severity is harder, as with friction.
+    """
     nominal: float
-    """Severity, in `unit`, of the scenario that has only the axis as its name, for example `push`; one of `levels`."""
+    """Severity, in `unit`, of the scenario with the plain name of the axis, for example `push`.
+
+    It is one of the severities in `levels`.
+    """
     sentence: str = ""
-    """Description of the axis's scenarios in one sentence, for lists and reports."""
+    """Description of the scenarios of this axis in one sentence, for lists and reports."""
     scales: bool = True
     """True if the severities are scaled to the size of another robot.
 
     It is False for the axis `slow`, because the speed that counts as success is the same for every robot.
     """
     note: str = ""
-    """Explanation of influences on the axis's results other than the policy; it is printed with the results."""
+    """Explanation of other influences than the policy on the results of this axis, printed with the results."""
 
     @property
     def harder_when_smaller(self) -> bool:
@@ -85,7 +91,10 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """Return the axis for `robot`; its severities are as hard as the severities here for SimpleQuad."""
+        """Return a copy of this axis for `robot`, or the axis itself for SimpleQuad.
+
+        The severities of the copy are scaled so that they are as hard for `robot` as for SimpleQuad.
+        """
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         factor = self.scaled(1.0, robot)
@@ -101,7 +110,7 @@ class Axis:
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
     def of(self, robot: Robot) -> "Axis":
-        """Return `for_robot(robot)`; deprecated name."""
+        """Return `for_robot(robot)`; deprecated name of `for_robot`."""
         return self.for_robot(robot)
 
     @property
@@ -111,7 +120,7 @@ class Axis:
 
 
 ROBOT_SCALED_UNITS = ("m/s", "N·s", "m", "N", "kg", "N·m")
-"""Units of the severities that are scaled to the size of the robot.
+"""Units of severities that depend on the size of the robot: a severity with one of these units is scaled to the robot.
 
 Severities with other units, such as delays in s, bandwidths in Hz and gyro noise in rad/s, are the same for every
 robot.
@@ -120,7 +129,9 @@ _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
     "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
 )
-"""Note that is printed with the results of the axis `push`; its numbers were measured by `python -m research sliding`.
+"""Note that is printed with the results of the axis `push`.
+
+The command `python -m research sliding` measured the numbers in the note.
 """
 AXES: dict[str, Axis] = {}
 """Name -> built-in disturbance axis, with severities for SimpleQuad."""
@@ -188,7 +199,8 @@ def _axis(
 def _flat(top_speed: float) -> Scenario:
     """Level ground, and commands from ranges in proportion to the top commanded forward speed.
 
-    The ranges are `CommandRanges()` times a factor; up to the speed of a leg of 0.6 m at its rated 10 rad/s.
+    The ranges are `CommandRanges()` times a factor. At the last level, the top speed is the speed of a foot at the end
+    of a leg of 0.6 m that turns at its rated 10 rad/s.
     """
     ranges = CommandRanges()
     scale = top_speed / ranges.forward[1]
@@ -213,20 +225,26 @@ def _rough(peak_to_valley: float) -> Scenario:
 def _force(force: float) -> Scenario:
     """Steady force on the trunk in a random direction, for example wind.
 
-    Up to more than the friction of all feet on level ground, 111 N.
+    The last level exceeds the friction force of all feet on level ground, 111 N.
     """
     return Scenario("force", force=SteadyForce(force))
 
 
 @_axis("angle of the plane", "°", (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0), nominal=15.0)
 def _slope(degrees: float) -> Scenario:
-    """Plane that the robot crosses in all directions. Up to nearly the friction angle, 39°."""
+    """Plane that the robot crosses in all directions.
+
+    The plane of the last level, 35°, is nearly as steep as the friction angle, 39°, at which feet begin to slide.
+    """
     return Scenario("slope", terrain=Slope(math.radians(degrees)))
 
 
 @_axis("rise of a step, run half a leg", "m", (0.05, 0.1, 0.15, 0.2, 0.3, 0.4), nominal=0.1)
 def _stairs(rise: float) -> Scenario:
-    """Stairs up and down from a landing. Up to higher than the hips of a robot that trots."""
+    """Stairs up and down from a landing.
+
+    At the last level, a step is higher than the hips of a trotting robot.
+    """
     return Scenario("stairs", terrain=Stairs(rise))
 
 
@@ -234,8 +252,8 @@ def _stairs(rise: float) -> Scenario:
 def _gravel(peak_to_valley: float) -> Scenario:
     """Random ground of stones, each about two feet long.
 
-    A foot is a ball of 0.04 m; the last level has spikes four times as high as their distance. At this correlation
-    length each 2 m × 2 m of ground is effectively a different surface.
+    A foot is a ball of 0.04 m. At the last level, the stones are spikes four times as high as their distance. The
+    correlation length of the heights is short, so each square of 2 m × 2 m is effectively a different surface.
     """
     terrain = SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04, half_size=26.0, spawn_radius=8.0)
     return Scenario("gravel", terrain=terrain)
@@ -252,7 +270,10 @@ def _soft(sink_depth: float) -> Scenario:
 
 @_axis("friction coefficient", "", (0.6, 0.4, 0.2, 0.1, 0.05, 0.02), nominal=0.4)
 def _slippery(friction: float) -> Scenario:
-    """Level ground of little friction. Until 0.7 N move a foot that carries a quarter of the weight."""
+    """Level ground of little friction.
+
+    At the last level, a horizontal force of 0.7 N moves a foot that carries a quarter of the robot's weight.
+    """
     return Scenario("slippery", ground=Ground(friction=friction))
 
 
@@ -260,26 +281,35 @@ def _slippery(friction: float) -> Scenario:
 def _payload(mass: float) -> Scenario:
     """Load somewhere on the trunk, at another place in every episode.
 
-    Up to four times the robot's own mass.
+    At the last level, the load has four times the mass of the robot.
     """
     return Scenario("payload", payload=Payload(mass))
 
 
 @_axis("torque limit", "N·m", (50.0, 30.0, 20.0, 10.0, 5.0, 2.5), nominal=20.0)
 def _weak_motors(torque_limit: float) -> Scenario:
-    """Motors of less torque. Until the robot sits down: its knees need 4 N·m to stand in the home pose."""
+    """Motors of less torque.
+
+    At the last level, the robot sits down, because its knees need 4 N·m to stand in the home pose.
+    """
     return Scenario("weak_motors", motors=Motors(torque_limit=torque_limit))
 
 
 @_axis("bandwidth of the servos", "Hz", (20.0, 10.0, 5.0, 2.0, 1.0, 0.5), nominal=5.0)
 def _slow_motors(bandwidth: float) -> Scenario:
-    """Servos that follow their targets late. Down to slower than a stride: the legs hardly move."""
+    """Servos that follow their targets late.
+
+    At the last level, the servos are slower than a stride, so that the legs hardly move.
+    """
     return Scenario("slow_motors", motors=Motors(bandwidth=bandwidth))
 
 
 @_axis("delay of actions, and of readings", "s", (0.01, 0.02, 0.04, 0.08, 0.16, 0.32), nominal=0.02)
 def _latency(delay: float) -> Scenario:
-    """Actions arrive late, and readings as late again. Up to more than a stride from reading to action."""
+    """Actions arrive late, and readings as late again.
+
+    At the last level, the delay from a reading to the resulting action is longer than a stride.
+    """
     return Scenario("latency", latency=Latency(action=delay, observation=delay))
 
 
@@ -287,7 +317,7 @@ def _latency(delay: float) -> Scenario:
 def _noise(gyro: float) -> Scenario:
     """Noise on everything that is sensed, in proportion to the gyro's.
 
-    Up to noise of the gravity reading as large as gravity.
+    At the last level, the noise of the measured gravity direction is about as large as its unit length.
     """
     return Scenario("noise", noise=SensorNoise(gyro))
 
@@ -296,13 +326,16 @@ def _noise(gyro: float) -> Scenario:
 def _dropout(duration: float) -> Scenario:
     """Four times an episode one joint's servo receives no targets and holds its last target.
 
-    Until, from the first second on, some joint always receives none.
+    At the last level, from the first second on, there is always one joint that receives no targets.
     """
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 
 
 def _check_positive(quantity: str, value: float) -> None:
-    """Raise ValueError unless `value` is above zero, because some axes have no scenario at severity zero."""
+    """Raise ValueError if the severity `value` of an axis is not above zero; `quantity` names it in the message.
+
+    Some axes have no scenario at severity zero.
+    """
     if not value > 0:
         raise ValueError(f"the {quantity} must be more than 0, got {value}")
 
@@ -311,9 +344,9 @@ def _check_positive(quantity: str, value: float) -> None:
 def _surprise(share: float) -> Scenario:
     """Rough ground, pushes, wind, a load, weak and slow motors, latency, noise and dropouts at once.
 
-    Each amplitude is `share` times the value written here. Quantities that are harder when smaller shrink
-    geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. The time constant of the servos grows in
-    proportion. Latency is in whole control steps.
+    Each amplitude is `share` times the reference value in the code. Quantities that are harder when smaller decrease
+    exponentially: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. The time constant of the servos grows in
+    proportion to `share`. Latencies are rounded to whole control steps.
     """
     _check_positive("share", share)
     return Scenario(
@@ -334,8 +367,9 @@ def _surprise(share: float) -> Scenario:
 def _slow(speed: float) -> Scenario:
     """Level ground, and always straight ahead at one slow speed: where a policy no longer moves is its dead zone.
 
-    The last level is 0.05 m/s, above which the rule of success asks every robot to move. Observations and records hold
-    commands in single precision, where 0.05 is 0.0500000007: the last level is just above the limit.
+    The last level is 0.05 m/s. The rule of success requires that a robot moves if its command is above this speed.
+    Observations and stored results hold commands in single precision, where 0.05 is 0.0500000007. So the last level is
+    just above the limit.
     """
     _check_positive("speed", speed)
     return Scenario("slow", commands=CommandRanges.straight(speed))

@@ -26,7 +26,7 @@ def _check_window(events: str, count: int, duration: float, window: tuple[float,
 class Pushes(Settings):
     """Horizontal force pulses on the trunk's centre, at random times, in random world directions.
 
-    The time window is divided into `count` equal parts with one push in each, so that pushes never overlap.
+    The time window is divided into `count` equal parts. Each part contains one push, so that pushes never overlap.
     """
 
     count: int = 2
@@ -44,19 +44,20 @@ class Pushes(Settings):
 
 @dataclass(frozen=True)
 class Kicks(Settings):
-    """Short strong horizontal forces on the trunk's centre throughout an episode, each of another strength.
+    """Short horizontal forces of random strength on the trunk's centre, throughout an episode.
 
-    Training uses them to show every robot of a batch all strengths of a push.
+    Training uses kicks, so that every robot of a batch experiences weak and strong pushes. Duration, time and direction
+    of each kick are random, too.
     """
 
     speed: NonNegative = 1.0
-    """Largest velocity change of the robot by a kick, uniform from 0, m/s"""
+    """Largest velocity change of the robot by a kick, m/s; each change is drawn uniformly from 0 to this value"""
     duration: tuple[Positive, Positive] = (0.05, 0.2)
     """Shortest and longest duration of a kick, s"""
     interval: tuple[Positive, Positive] = (1.0, 3.0)
-    """Shortest and longest time from the start of a kick to the next, s"""
+    """Shortest and longest time from the start of a kick to the start of the next kick, s"""
     count: int = 10
-    """Number of kicks from the start of an episode"""
+    """Number of kicks in an episode; the first kick begins one interval after the start of the episode"""
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,21 @@ class Ground(Settings):
     bodies that touch it.
 
     A soft ground is a linear spring and a damper under each contact point. MuJoCo pushes a foot out of the ground with
-    the force K s. s is the depth of the foot, and K = 1/((1 - d) T² Â) the stiffness. T is the time constant
-    `solref[0]`, and d = 0.95 the largest impedance `solimp[1]`. Â is the inverse inertia of a free leg's end,
-    `body_invweight0`. m is the mass of the robot, and g the gravitational acceleration. A foot that carries a quarter
-    of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is
-    overdamped. A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
+    the force K s, where s is the depth of the foot in the ground. The stiffness is K = 1/((1 - d) T² Â). T is the time
+    constant `solref[0]` of the contact, s. d = 0.95 is the largest constraint impedance `solimp[1]`. Â is the inverse
+    mass at the end of a free leg, MuJoCo's `body_invweight0`, 1/kg. T follows from the condition that a foot that
+    carries a quarter of the robot's weight m g sinks by `sink_depth`: T² = sink_depth / ((1 - d) Â m g / 4).
+
+    The spring is overdamped. A foot under a constant side load creeps. Soft ground supports feet, knees and the trunk,
+    but not the shins.
     """
 
     friction: Positive = 0.8
-    """Friction coefficient of every contact with the ground; 0.8 is the value of rubber on concrete."""
+    """Coulomb friction coefficient of every contact with the ground; 0.8 is the value of rubber on concrete."""
     sink_depth: float = 0.0
-    """Depth of the feet in the ground, if the robot stands in the home pose and carries no load, m.
+    """Depth to which the feet of a robot without a load sink into the ground in the home pose, m.
 
-    The value 0 means hard ground, in which feet sink by 0.3 mm. Values between 0 and 1 mm are invalid.
+    The value 0 means hard ground, into which feet sink by 0.3 mm. Values between 0 and 1 mm are invalid.
     """
 
     def __post_init__(self) -> None:
@@ -98,7 +101,7 @@ class Ground(Settings):
 
 @dataclass(frozen=True)
 class Motors(Settings):
-    """Limits of the joint servos: torque and bandwidth."""
+    """Scenario's limits on torque and bandwidth of the joint servos."""
 
     torque_limit: Positive | None = None
     """Torque limit of each joint servo, N·m; None for the robot's rated torque"""
@@ -119,7 +122,7 @@ class Motors(Settings):
 
 @dataclass(frozen=True)
 class Payload(Settings):
-    """Load of the robot: a cube that is welded to the top of the trunk at a random position.
+    """Load of the robot: a cube that is welded to the top of the trunk at a random horizontal position.
 
     The position is drawn uniformly within `reach` at every reset.
     """
@@ -127,7 +130,7 @@ class Payload(Settings):
     mass: Positive = 5.0
     """Mass of the cube, kg"""
     reach: tuple[NonNegative, NonNegative] = (0.2, 0.1)
-    """Largest distances of the cube from the trunk's centre (forward or backward, to either side), m"""
+    """Largest horizontal distances of the cube from the trunk's centre: along the trunk, and to either side, m"""
     edge: Positive = 0.2
     """Edge length of the cube, which has uniform density, m"""
 
@@ -139,14 +142,14 @@ class Latency(Settings):
     action: Delay = 0.02
     """Delay from the policy to the servos, s.
 
-    The servos hold the home pose until the first action arrives. The observation term `previous_action` is the policy's
-    last output, not the last action that arrived.
+    The servos hold the home pose until the first action arrives. The observation term `previous_action` contains the
+    last action of the policy, even if this action has not arrived at the servos.
     """
     observation: Delay = 0.02
     """Delay from the sensors to the policy, s.
 
-    The policy observes the first measurement until the second measurement arrives. Only the observation terms that
-    sensors measure are delayed; `previous_action` and `command` are not.
+    At the start of an episode, the policy observes the first measurement until the second measurement arrives. Only
+    observation terms that sensors measure are delayed; the terms `previous_action` and `command` are not.
     """
 
 
@@ -169,7 +172,8 @@ class SensorNoise(Settings):
     def height_scan(self) -> float:
         """Standard deviation of the noise on each point of a height scan, m.
 
-        The value is proportional to `gyro`. With the default `gyro` it is 0.1 m, as in legged_gym.
+        The noise is in proportion to the gyro's noise, `gyro`. With the default `gyro`, the standard deviation is
+        0.1 m, as in legged_gym.
         """
         return 0.5 * self.gyro
 
@@ -187,10 +191,10 @@ class SensorNoise(Settings):
 
 @dataclass(frozen=True)
 class Dropouts(Settings):
-    """Disturbance in which one joint servo at a time receives no targets and holds its last target.
+    """Dropouts: periods in which one joint servo receives no new targets, and so holds its last target.
 
-    The time window is divided into `count` equal parts. Each part contains one dropout of a random joint at a random
-    time.
+    The time window is divided into `count` equal parts. Each part contains one dropout of a random joint, at a random
+    time. Therefore two dropouts never overlap.
     """
 
     count: int = 4

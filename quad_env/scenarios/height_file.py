@@ -17,11 +17,11 @@ from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import format_exception, one_line
 
 MAX_SAMPLES = 4_000_000
-"""Maximum number of grid points (pixels or array elements) of a height file; it limits the memory of a terrain."""
+"""Maximum number of grid points (pixels or array elements) of a height file; it limits the used memory."""
 MAX_HEIGHT = 1e6
-"""Upper limit of the absolute value of a height, far above any real ground, m."""
+"""Upper limit of the magnitude of a ground height, far above any real ground, m."""
 KEYS = ("file", "size", "height", "start")
-"""Valid keys of the TOML file of a terrain."""
+"""Valid keys of the TOML file that describes a user's terrain."""
 EXAMPLE_LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
@@ -40,7 +40,7 @@ class Heights(NamedTuple):
 
 
 def parse_terrain_toml(path: Path) -> list[Any]:
-    """Read the values of all keys from the TOML file of a terrain.
+    """Read the values of all keys from the TOML file that describes a user's terrain.
 
     Args:
         path: Path of the TOML file.

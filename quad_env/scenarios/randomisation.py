@@ -1,4 +1,4 @@
-"""Domain randomisation: ranges and random draws of robot and ground properties for each episode."""
+"""Domain randomisation: ranges of the properties of robot and ground, and their random draws per episode."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -28,7 +28,7 @@ class RandomizationSample(NamedTuple):
     motor_strength: Array
     """Factor on the torque limit of each joint servo, (12,)."""
     delay: float
-    """Delay of the joint targets from the policy to the servos, added to the scenario's latency, s."""
+    """Delay of the joint targets from the policy to the servos, in addition to the scenario's latency, s."""
     encoder_offset: Array
     """Offset that is added to the reading of each joint encoder, (12,), rad."""
 
@@ -46,31 +46,31 @@ class DomainRandomisation(Settings):
     - Isaac Lab (velocity tasks): centre of mass ± 0.05, 0.05 and 0.01 m.
     - Walk These Ways (Margolis and Agrawal, 2022): motor_strength_range 0.9 to 1.1, motor_offset_range ± 0.02 rad.
 
-    Projects that build on these four usually vary the servo gains by ± 20 % and have delays up to 20 ms.
+    Other projects that build on these four usually vary the servo gains by ± 20 %, and use delays up to 20 ms.
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
-    """Smallest and largest factor on the ground's friction coefficient, which applies to all ground contacts"""
+    """Smallest and largest factor on the friction coefficient of all contacts with the ground"""
     trunk_mass: LargeFraction = 0.2
-    """Largest change of the trunk mass, as a fraction of it; the trunk's inertia changes in proportion"""
+    """Largest change of the trunk mass, as a fraction of the nominal mass; the inertia changes in proportion"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
-    """Largest displacement of the trunk's centre of mass in either direction along x, y and z of the base frame, m"""
+    """Largest displacement of the trunk's centre of mass along ±x, ±y and ±z of the base frame, m"""
     stiffness: LargeFraction = 0.2
-    """Largest change of the stiffness of each joint servo, as a fraction of it"""
+    """Largest change of the stiffness of each joint servo, as a fraction of the nominal stiffness"""
     damping: LargeFraction = 0.2
-    """Largest change of the damping of each joint servo, as a fraction of it"""
+    """Largest change of the damping of each joint servo, as a fraction of the nominal damping"""
     motor_strength: LargeFraction = 0.1
-    """Largest change of the torque limit of each joint servo, as a fraction of it.
+    """Largest change of the torque limit of each joint servo, as a fraction of the nominal limit.
 
-    If the motors have a torque-speed curve, the limit of their current is changed instead of the torque limit.
+    If the motors have a torque-speed curve, the limit of the motor current is changed instead of the torque limit.
     """
     delay: Delay = 0.02
     """Largest delay of the joint targets from the policy to the servos, s; the smallest delay is 0.
 
-    The delay is rounded to control steps and added to the scenario's `Latency`.
+    The drawn delay is rounded to control steps, and added to the action delay of the scenario (`Latency.action`).
     """
     encoder_offset: NonNegative = 0.02
-    """Largest offset of the readings of each joint encoder, rad; servos and rewards use the true joint angles"""
+    """Largest offset of the readings of each joint encoder, rad; servos and rewards use the true angles"""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -40,29 +40,36 @@ SYNTAX_HELP = (
     "a terrain of yours such as hill.toml, "
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
-"""Explanation of scenario names that are not in `SCENARIOS`, for error messages and help texts."""
+"""Explanation of the syntax of scenario names that are not in `SCENARIOS`, for errors and help texts."""
 SEPARATOR = "+"
 EQUALS = "="
 TERRAIN = ".toml"
-"""File suffix of the description of a user's terrain, which is a TOML file."""
+"""Suffix of the TOML file that describes a user's terrain."""
 MAX_SEVERITY = 1e6
-"""Upper limit of a severity (strength of a disturbance), in the unit of its axis, far above any physical value."""
-STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Scenario in which the effort of policies is compared: flat ground, and 0.5 m/s straight ahead for every robot.
+"""Upper limit of a severity (strength of a disturbance), in the unit of its disturbance axis.
 
-The scenario belongs to no disturbance axis.
+The limit is far above any physical value.
+"""
+STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
+"""Scenario in which the motor effort of policies, such as the cost of transport, is compared.
+
+Every robot moves straight ahead on flat ground with 0.5 m/s. The scenario belongs to no disturbance axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields of `Scenario` for its name and label; a combination of scenarios does not copy them from its parts."""
+"""Fields of `Scenario` for its name and label; a combination of scenarios sets these fields itself."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings that a combination merges field by field, because two axes may set different fields."""
+"""Classes of settings that a combination of disturbance axes merges field by field.
+
+Two axes of a combination may then set different fields of the same object.
+"""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
     """Return the built-in scenarios of `robot`: name -> scenario.
 
-    They are one scenario for each built-in disturbance axis, at its nominal severity, and `STEADY`.
+    The dictionary has one scenario for each built-in disturbance axis, at the nominal severity of the axis, and the
+    scenario `STEADY`.
     """
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
@@ -198,8 +205,8 @@ def is_combination(name: str) -> bool:
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """Return the scenario of a name with axes and severities, such as `payload=15+slope=10`.
 
-    Severities are not scaled to the robot, but commands and all other settings are. A name with one axis gives a
-    scenario of this axis. A combination of several axes belongs to no axis.
+    The severities in the name are used as they are. Commands and all other settings are scaled to the robot. A name
+    with one axis gives a scenario of this axis. A combination of several axes belongs to no axis.
 
     Args:
         name: Pairs `axis=severity` that are joined by +; each severity is in the unit of its axis.
@@ -228,7 +235,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 def scaled_name(name: str, robot: Robot) -> str:
     """Return the name of a scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
 
-    Severities in the name, for example 42 N·s in `push=42`, are scaled and rounded to three digits.
+    Severities in the name, for example 42 N·s in `push=42`, are scaled to the robot and rounded to three digits.
 
     Args:
         name: Name of a scenario for SimpleQuad.
@@ -249,7 +256,7 @@ def scaled_name(name: str, robot: Robot) -> str:
 def _format_severities(severities: list[tuple[Axis, float]]) -> str:
     """Format pairs of disturbance axis and severity as a scenario name, for example `payload=15+slope=10`.
 
-    The name is the shortest from which `_parse_severities` reads exactly these pairs.
+    The name has the smallest number of digits with which `_parse_severities` returns exactly these pairs.
     """
     return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in severities)
 
@@ -284,36 +291,43 @@ def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> 
         raise ValueError(f"{name}: {fact}; write {axis.name}{EQUALS}{axis.nominal:g} for {axis.quantity}") from None
     if not 0 <= severity <= MAX_SEVERITY:
         raise ValueError(f"{name}: {axis.quantity} is a number from 0 to {MAX_SEVERITY:g}, got {number}")
-    return severity + 0.0  # Zero is added, because -0 must become 0.
+    return severity + 0.0  # Zero is added, because the number -0.0 must become 0.0.
 
 
 @dataclass(frozen=True)
 class _AxisSetting:
-    """Value that one disturbance axis of a combination gives to one setting (field) of the scenario."""
+    """Value that one disturbance axis of a combination gives to one setting of the scenario.
+
+    A setting is the scenario itself, one of its fields, or a field of a field, such as `ground.friction`.
+    """
 
     axis: str
     """Name of the disturbance axis."""
     value: Any
     """Value of the setting at the severity that the combination has on this axis."""
     level_values: list[Any]
-    """Value of the setting at each level of the axis."""
+    """Value of the setting at each level of the disturbance axis, from easy to hard."""
 
     def is_set(self, default: Any) -> bool:
         """Return True if the disturbance axis changes this setting from its `default`.
 
-        The default is the value of the setting, if there are no disturbances. The values at all levels are tested too,
-        because the value at one severity may happen to equal the default.
+        The default is the value of the setting in a scenario without disturbances. The values at all levels are tested
+        too, because the value at one severity may happen to equal the default.
         """
         return any(value != default for value in (self.value, *self.level_values))
 
     def of_field(self, name: str) -> "_AxisSetting":
-        """Return the field `name` of this setting as a setting of the same disturbance axis."""
+        """Return the field `name` of this setting's value as a separate setting.
+
+        The value of this setting must be an object with fields. In the new setting, `value` and `level_values` are the
+        values of the field. The disturbance axis is the same.
+        """
         level_values = [getattr(value, name) for value in self.level_values]
         return _AxisSetting(self.axis, getattr(self.value, name), level_values)
 
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
-    """Combine `parts`, one scenario of each disturbance axis, to one scenario with the given `name`."""
+    """Combine `parts`, one scenario of each disturbance axis, to one scenario for `robot` called `name`."""
     axes = known_axes(robot)
     settings = []
     for part in parts:
@@ -330,8 +344,8 @@ def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = ""
     the setting, unless the values are equal.
 
     Args:
-        default: Value of the setting, if there are no disturbances.
-        settings: Value of the setting on each axis.
+        default: Value of the setting in a scenario without disturbances.
+        settings: Values that each of the disturbance axes gives to the setting.
         name: Name of the combination, for error messages.
         path: Description of the setting for error messages; it is empty or begins with a space.
 

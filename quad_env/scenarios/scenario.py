@@ -24,13 +24,16 @@ from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 HARDWARE = "+hardware"
-"""Name suffix of scenarios with the robot's hardware profile: realistic motors, delays, sensors and estimator."""
+"""Suffix of scenario names: the robot has realistic motors, delays, sensors and estimator (hardware profile)."""
 RANDOMISED = "+randomised"
-"""Name suffix of scenarios with domain randomisation: properties of robot and ground differ in every episode."""
+"""Suffix of scenario names: properties of robot and ground differ in every episode (domain randomisation)."""
 SCAN_LOST = "+scan_lost"
-"""Name suffix of scenarios with a failed height scan: every point of the scan reads -2 m, as for unseen ground."""
+"""Suffix of scenario names: the height scan fails, so that every point reads -2 m, as for unseen ground."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""Name suffix -> name of the field of `Scenario` that the suffix sets, in the order of the suffixes in a name."""
+"""Suffix of a scenario name -> name of the field of `Scenario` that the suffix sets.
+
+The order is the order of several suffixes in a name.
+"""
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,13 @@ class Scenario(Settings):
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Strength of the disturbance that the scenario's axis varies, in `severity_unit`; 0 if `axis` is empty."""
+    """Strength of the disturbance of the axis `axis`, in the unit `severity_unit`; 0 if `axis` is empty."""
     severity_unit: str = ""
     axis: str = ""
-    """Name of the disturbance axis that the scenario belongs to, see `quad_env.scenarios.axes`; empty if none."""
+    """Name of the disturbance axis that the scenario belongs to; empty if the scenario belongs to none.
+
+    `quad_env.scenarios.axes` defines the axes.
+    """
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)
@@ -59,16 +65,17 @@ class Scenario(Settings):
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
     hardware: bool = False
-    """True if the robot has its hardware profile, which `quad_env.actuation.hardware` defines.
+    """True if motors, delays, sensors and estimator are realistic, as the robot's hardware profile defines them.
 
-    If it is False, the motors are ideal, the observation shows the true state, and neither is delayed.
+    If `hardware` is False, motors are ideal, and the observation shows the true state without delay.
+    `quad_env.actuation.hardware` defines the profiles.
     """
     randomisation: DomainRandomisation | None = None
-    """Ranges of robot and ground properties that are drawn at random for each episode; None for fixed properties."""
+    """Ranges of the random properties of robot and ground in each episode; None for fixed properties."""
     scan_lost: bool = False
     """True if the height scan fails: every point of the scan reads -2 m, the value of unseen ground."""
     kicks: Kicks | None = None
-    """Kicks, forces on the trunk for the training; None for none."""
+    """Kicks, which are short forces of random strength on the trunk, for training; None for no kicks."""
 
     @property
     def suffix(self) -> str:
@@ -115,7 +122,7 @@ SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
     RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
 }
-"""Name suffix -> function of scenario and robot that returns the scenario with this suffix and its settings."""
+"""Suffix of a scenario name -> function of scenario and robot that returns the changed scenario."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
@@ -177,7 +184,7 @@ def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
 
 
 def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
-    """Multiply the range of the centre of mass (displacements, m) by `factor`; None stays None."""
+    """Multiply the largest displacements of the centre of mass, m, by `factor`; None stays None."""
     if randomisation is None:
         return None
     forward, left, up = randomisation.centre_of_mass
@@ -185,9 +192,9 @@ def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: flo
 
 
 def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
-    """Multiply the lengths of stairs and random ground by `factor`; other terrains stay unchanged."""
+    """Multiply the lengths of stairs or random ground, `terrain`, by `factor`; return other terrains unchanged."""
     if isinstance(terrain, Stairs):
-        landing = max(1.0, factor) * terrain.landing  # because a smaller robot needs as much room at the start
+        landing = max(1.0, factor) * terrain.landing  # because a smaller robot needs the same room at the start
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):

@@ -1,4 +1,4 @@
-"""Schedule of the episodes of n robots: seeds, commands, pushes and elapsed control steps."""
+"""Schedule of the episodes of n robots: seeds, velocity commands, pushes and elapsed control steps."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import assign_seeds, fresh_seeds
 
 _NEVER = np.iinfo(np.int64).max
-"""Control step that no episode reaches."""
+"""Control step that no episode reaches; a robot with a fixed command gets its next command at this step."""
 
 
 class EpisodeSchedule:
@@ -48,7 +48,10 @@ class EpisodeSchedule:
         self._next_command_step = np.full(num_envs, _NEVER)
         """Control step at which each robot gets a new command, (n,); `_NEVER` for a fixed command."""
         self._manual_force: Array | None = None
-        """Force on each trunk, set by the last call of `apply_push`, world frame, x and y, (n, 2), N; None before."""
+        """Force on each trunk, set by the last call of `apply_push`, world frame, x and y, (n, 2), N.
+
+        None if `apply_push` was never called.
+        """
         self._manual_push_end = np.zeros(num_envs, np.int64)
         """Control step of each robot's episode at which the push from `apply_push` ends, (n,)."""
 
@@ -93,9 +96,9 @@ class EpisodeSchedule:
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """Draw a new velocity command for each robot of `env_ids` at the end of its command interval.
+        """Draw a new velocity command for each of the robots `env_ids` with an expired command interval.
 
-        The length of the interval is `CommandRanges.interval`, s. Robots with a fixed command keep this command.
+        `CommandRanges.interval` is the length of an interval, s. Robots with a fixed command keep this command.
         """
         is_due = self.step_count[env_ids] >= self._next_command_step[env_ids]
         if np.count_nonzero(is_due):
@@ -104,10 +107,9 @@ class EpisodeSchedule:
                 self._next_command_step[i] = self.step_count[i] + self._episodes[i].next_interval(self._dt)
 
     def fix_commands(self, commands: Array) -> None:
-        """Set the velocity commands of all robots, (n, 3), until the end of their episodes.
+        """Set the velocity commands of all robots, (n, 3), for the rest of their present episodes.
 
-        A command consists of forward and lateral velocity, m/s, and yaw rate, rad/s. In the present episodes no other
-        commands are drawn.
+        A command consists of forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s.
         """
         self.command[:] = commands
         self._next_command_step[:] = _NEVER

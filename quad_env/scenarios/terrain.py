@@ -1,4 +1,4 @@
-"""Terrains: settings, ground height at a point, and height of a ball (foot) that rests on the ground."""
+"""Terrain classes: shape of the ground, its height at a point, and the height of a ball (foot) on it."""
 
 import math
 import sys
@@ -18,7 +18,7 @@ from quad_env.scenarios.height_file import Heights
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
 """Type of a setting that is a positive length of at most 1000 km, m."""
 MIN_START_CLEARANCE = 0.7
-"""Radius of the level ground that a robot on stairs needs around the trunk's centre at the start, m."""
+"""Radius around the trunk's centre in which the ground must be level if a robot starts on stairs, m."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,8 @@ class Slope(Settings):
 class Stairs(Settings):
     """Stairs that rise towards the world's +x and descend towards −x from a landing at z = 0.
 
-    Each step is a box with a vertical riser, so that its edges are exact. The ground beyond the last steps is level.
+    Each step is a box with a vertical riser, so that the edges of the steps are exact. The ground beyond the last steps
+    is level.
     """
 
     rise: Length = 0.1
@@ -104,7 +105,7 @@ class Stairs(Settings):
     run: Length = 0.3
     """Depth of each step along the world's x axis, m"""
     steps: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 60
-    """Number of steps in each direction; the default keeps a robot at the top commanded speed on the stairs for 10 s"""
+    """Number of steps in each direction; a robot at the top commanded speed stays on the default stairs for 10 s"""
     landing: float = 0.75
     """Half of the landing's length along the world's x axis, m"""
     half_width: Length = 22.0
@@ -118,7 +119,7 @@ class Stairs(Settings):
             raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height at a point; on a riser it is the height of the tread of the same step.
+        """Return the ground height at a point; at a riser, the height of the tread of the same step.
 
         Args:
             x: X coordinate of the point, world frame, m.
@@ -163,8 +164,8 @@ class Stairs(Settings):
 class SmoothRandom(Settings):
     """Random uneven ground: a height field of Gaussian-smoothed noise with uniformly distributed heights.
 
-    The heights are uniformly distributed, so that a robot crosses the whole range of heights within a few correlation
-    lengths. With Gaussian heights the field would be nearly flat in most places. The surface lies between z = 0 and
+    With uniformly distributed heights, a robot crosses the whole range of heights within a few correlation lengths.
+    With Gaussian heights, the field would be nearly flat in most places. The surface lies between z = 0 and
     z = `peak_to_valley`. The ground outside the field is at z = 0.
 
     All robots of a batch walk on the same field, because MuJoCo stores height data in the model. Episodes differ in the
@@ -176,7 +177,7 @@ class SmoothRandom(Settings):
     correlation_length: Length = 0.3
     """Distance at which the autocorrelation of the smoothed noise falls to 1/e, m"""
     half_size: Length = 34.0
-    """Half of the side of the field, m; the default keeps a robot at the top commanded speed on the field for 10 s"""
+    """Half of the field's side, m; a robot at the top commanded speed stays on the default field for 10 s"""
     spawn_radius: NonNegative = 16.0
     """Half of the side of the square around the origin in which the robots' start position is drawn, m"""
     cell: Length = 0.1
@@ -261,10 +262,10 @@ class HeightField(Settings):
     peak: Length | None = None
     """Height that the largest value in the file represents, m; None for an array of heights in m.
 
-    The other values represent heights in proportion, so that the value 0 is at height 0.
+    The other values in the file represent heights in proportion, so that the value 0 represents height 0.
     """
     start: tuple[float, float] | None = None
-    """Start position of all robots relative to the middle of the field, x and y, m; None for random start positions."""
+    """Start position of all robots relative to the field's middle, x and y, m; None for random positions."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -304,14 +305,14 @@ class HeightField(Settings):
     def spawn_radius(self) -> float:
         """Half of the side of the square in which the robots' start position is drawn, m.
 
-        The square is in the middle of the field. The value is 0 if `start` is given. If `start` is None, the value is
-        half of the distance from the middle of the field to its nearest edge.
+        The square is in the middle of the field. If `start` is None, the result is half of the distance from the middle
+        of the field to its nearest edge. If `start` is given, the result is 0.
         """
         return min(self.half) / 2 if self.start is None else 0.0
 
     @property
     def heights(self) -> Heights:
-        """Heights of all grid points, read from the file; raises ValueError if it is missing or has changed."""
+        """Heights of all grid points, read from the file; ValueError is raised if the file is missing or changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
