@@ -171,8 +171,8 @@ class TrainConfig:
     robot than SimpleQuad."""
     start: Path | None = None
     """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. --base,
-    --inputs, authorities and network widths must be equal. The value network and the noise of a run are loaded too;
-    that run must have as many scenarios."""
+    --inputs, authorities and network widths must be equal. The value network and the noise of a run are loaded
+    too."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))

@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
+import torch
 
 import policies
 from train.__main__ import main
+from train.commands.run import parse
+from train.run import _load_initial_network, make_env
+from train.sb3 import checkpoint
+from train.sb3.ppo import make_ppo
 
 OPTIONS = (
     "--policy residual --base stand --threads 1 --mixture flat 1 push:1 1 --ppo.envs 4 --ppo.rollout-steps 4 "
@@ -37,6 +42,23 @@ def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp
         np.testing.assert_allclose(mine, theirs, atol=1e-6)
     assert train(tmp_path / "plain", *still) == 0
     assert np.abs(weights(tmp_path / "plain")[-1]).max() < 1e-6 < np.abs(weights(first)[-1]).max()
+
+
+@pytest.mark.parametrize("mixture", [("flat", 1), ("flat", 1, "push:1", 2, "rough", 1)])
+def test_a_run_may_begin_with_the_critic_of_another_number_of_scenarios(mixture, first, tmp_path):
+    """Each scenario has the mean weights of the scenarios before; all other weights are the same."""
+    config = parse([*OPTIONS.split(), "--mixture", *map(str, mixture), "--out", str(tmp_path / "next")])
+    model = make_ppo(config, make_env(config))
+    _load_initial_network(model, config, first)
+    before = checkpoint.load(first / "checkpoints").tensors["policy.mlp_extractor.value_net.0.weight"]
+    after = model.policy.mlp_extractor.value_net[0].weight
+    seen, count = before.shape[1] - 7, len(mixture) // 2
+    assert after.shape[1] == seen + count + 5
+    torch.testing.assert_close(after[:, :seen], before[:, :seen])
+    torch.testing.assert_close(after[:, -5:], before[:, -5:])
+    for column in after[:, seen : seen + count].T:
+        torch.testing.assert_close(column, before[:, seen : seen + 2].mean(dim=1))
+    assert train(tmp_path / "next", "--start", first, "--steps", 16, "--mixture", *mixture) == 0
 
 
 @pytest.mark.parametrize(

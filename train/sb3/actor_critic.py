@@ -71,6 +71,7 @@ class RunningNormalization(BaseFeaturesExtractor):
 
     Args:
         observation_space: Observation space of the learner.
+        privileged: Number of entries at the end that are not normalised, because only the critic receives them.
         mirror: Mirror of an observation. The statistics cover observations and mirror images, so that the normalisation
             commutes with the mirror. None for no mirror.
     """
@@ -79,22 +80,24 @@ class RunningNormalization(BaseFeaturesExtractor):
     variance: torch.Tensor
     count: torch.Tensor
 
-    def __init__(self, observation_space: gym.Space[Any], mirror: Mirror | None = None) -> None:
+    def __init__(self, observation_space: gym.Space[Any], privileged: int = 0, mirror: Mirror | None = None) -> None:
         (size,) = observation_space.shape or (0,)
         super().__init__(observation_space, size)
+        self._seen = size - privileged
         self._mirror = None if mirror is None else TorchMirror(mirror)
-        self.register_buffer("mean", torch.zeros(size))
-        self.register_buffer("variance", torch.ones(size))
+        self.register_buffer("mean", torch.zeros(self._seen))
+        self.register_buffer("variance", torch.ones(self._seen))
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
 
     @property
     def std(self) -> torch.Tensor:
-        """Divisor of each entry, (k,)."""
+        """Divisor of each normalised entry."""
         return torch.sqrt(self.variance + MIN_STD**2)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the normalised `observations`, (n, k)."""
-        return (observations - self.mean) / self.std
+        seen, privileged = observations.tensor_split((self._seen,), dim=1)
+        return torch.cat(((seen - self.mean) / self.std, privileged), dim=1)
 
     def freeze(self) -> None:
         """Keep the present statistics for the rest of the run."""
@@ -106,6 +109,7 @@ class RunningNormalization(BaseFeaturesExtractor):
             return
         if self._mirror is not None:
             rows = torch.cat((rows, self._mirror(rows)))
+        rows = rows[:, : self._seen]
         variance, mean = torch.var_mean(rows.double(), dim=0, correction=0)
         total = self.count + len(rows)
         share = len(rows) / total

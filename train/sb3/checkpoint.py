@@ -15,7 +15,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -28,6 +28,8 @@ from stable_baselines3 import PPO
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
+from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import PRIVILEGED_TAIL_SIGNS
 
 SCHEMA = 2
 """Version of the file format of checkpoints."""
@@ -121,11 +123,32 @@ def load_networks(model: PPO, folder: Path) -> None:
         UsageError: The networks in the checkpoint have another shape, or the folder has no checkpoint.
     """
     weights = with_prefix(load(folder).tensors, _POLICY)
+    _fit_scenarios(weights, model)
     try:
         model.policy.load_state_dict(weights)
     except RuntimeError as error:
         shapes = " ".join(str(error).split("\n\t")[-1].split())
         raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
+
+
+def _fit_scenarios(weights: dict[str, torch.Tensor], model: PPO) -> None:
+    """Change the first layer of the critic in `weights` to the number of scenarios of the learner `model`.
+
+    The input of the critic has one entry for each scenario, see `MultiScenarioVectorEnv`. A scenario of the new run has
+    the mean weights of the scenarios of the other run.
+    """
+    env = cast(TrainingVecEnv, model.get_env())
+    first = model.policy.features_dim - env.privileged
+    for name, own in model.policy.mlp_extractor.value_net.named_parameters(prefix="mlp_extractor.value_net"):
+        other = weights.get(name)
+        if other is None or own.dim() < 2 or own.shape[1] != model.policy.features_dim:
+            continue
+        count = env.privileged - len(PRIVILEGED_TAIL_SIGNS)
+        end = first + count + other.shape[1] - own.shape[1]
+        if end > first:
+            mean = other[:, first:end].mean(dim=1, keepdim=True)
+            weights[name] = torch.cat((other[:, :first], mean.expand(-1, count), other[:, end:]), dim=1)
+        return
 
 
 def with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:

@@ -151,7 +151,7 @@ def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
         structure["mirror_critic"] = config.ppo.symmetry == "actor-critic"
     if config.ppo.normalization == "running":
         structure |= {"features_extractor_class": RunningNormalization}
-        structure |= {"features_extractor_kwargs": {"mirror": mirror}}
+        structure |= {"features_extractor_kwargs": {"privileged": env.privileged, "mirror": mirror}}
     return structure
 
 

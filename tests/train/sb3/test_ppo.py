@@ -146,14 +146,16 @@ def test_the_privileged_inputs_of_a_mirrored_robot_have_mirrored_signs():
 def test_the_running_statistics_are_those_of_all_rows():
     rng = np.random.default_rng(0)
     parts = [rng.normal(rng.normal(size=5), rng.uniform(0.1, 3.0, 5), (count, 5)) for count in (7, 200, 33)]
-    statistics = RunningNormalization(gym.spaces.Box(-np.inf, np.inf, (5,)))
+    statistics = RunningNormalization(gym.spaces.Box(-np.inf, np.inf, (7,)), privileged=2)
     for part in parts:
-        statistics.update(torch.as_tensor(part.astype(np.float32)))
+        statistics.update(torch.as_tensor(np.pad(part, ((0, 0), (0, 2)), constant_values=3.0).astype(np.float32)))
     rows = np.concatenate(parts)
     np.testing.assert_allclose(statistics.mean, rows.mean(axis=0), atol=1e-5)
     np.testing.assert_allclose(statistics.variance, rows.var(axis=0), rtol=1e-5)
-    seen = statistics(torch.as_tensor(rows, dtype=torch.float32))
-    np.testing.assert_allclose(seen, (rows - rows.mean(axis=0)) / np.sqrt(rows.var(axis=0) + MIN_STD**2), atol=1e-5)
+    seen = statistics(torch.as_tensor(np.pad(rows, ((0, 0), (0, 2)), constant_values=3.0), dtype=torch.float32))
+    expected = (rows - rows.mean(axis=0)) / np.sqrt(rows.var(axis=0) + MIN_STD**2)
+    np.testing.assert_allclose(seen[:, :5], expected, atol=1e-5)
+    assert (seen[:, 5:] == 3.0).all(), "privileged entries are not normalised"
 
 
 def test_statistics_are_updated_after_the_update_from_their_rollout():
@@ -162,7 +164,7 @@ def test_statistics_are_updated_after_the_update_from_their_rollout():
     )
     model = make_ppo(config, make_env(config))
     model.learn(16, reset_num_timesteps=False)
-    rows = model.rollout_buffer.observations.reshape(16, -1)
+    rows = model.rollout_buffer.observations.reshape(16, -1)[:, : -model.get_env().privileged]
     np.testing.assert_allclose(normalization(model).mean, rows.mean(axis=0), atol=1e-5)
     assert normalization(model).count == 16
 
