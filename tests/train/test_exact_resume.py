@@ -307,7 +307,7 @@ def test_whatever_is_not_restored_shows(what, runs, killed, monkeypatch):
 
 def test_a_bundle_has_the_base_of_the_start_whatever_is_searched_meanwhile(tmp_path, monkeypatch):
     """The search writes its parameters during the validation."""
-    searched, at_the_start = ParameterFile.load_for_robot, policies.make("trot_reference").parameters
+    searched, at_the_start = ParameterFile.load_for_robot, policies.make("trot_reference", servo="own").parameters
 
     def judged(*_):
         searched_since = lambda *of: dataclasses.replace(searched(*of), frequency=1.5)  # noqa: E731
