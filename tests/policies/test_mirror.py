@@ -57,7 +57,7 @@ def mirror_error(name: str, steps: int) -> float:
     simulation = robots.unwrapped.simulation
     for values, image in zip((simulation.qpos, simulation.qvel), coordinate_mirror(robot), strict=True):
         values[1] = image(values[0])
-    base = policies.make("stand", robot=name)
+    base = policies.make("stand", robot=name, servo="own")
     features = Features(base, Inputs(clock=2.0))
     features.reset(2)
     features.clock_offset[:] = 0.4, 0.4 + np.pi  # a trot's clock
@@ -87,7 +87,7 @@ def test_a_wrong_sign_of_one_joint_is_found(joint: int, monkeypatch: pytest.Monk
 
 
 def test_a_mirror_is_its_own_inverse() -> None:
-    base = policies.make("stand", robot="go1")
+    base = policies.make("stand", robot="go1", servo="own")
     image = feature_mirror(base, INPUTS)
     seen = np.random.default_rng(0).normal(size=(5, Features(base, INPUTS).width)).astype(np.float32)
     assert (image(seen) != seen).any()
