@@ -20,7 +20,8 @@ Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
 """Purpose of the episodes -> seed of their random terrain.
 
-Separate seeds give separate terrain for validation, search and training. Every episode uses another part of it."""
+Separate seeds give separate terrain for validation, search and training. Every episode uses another part of the
+terrain."""
 
 
 def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
@@ -51,8 +52,8 @@ DEMOTION_RATE = 0.5
 DIFFICULTY_STEP = 0.1
 """Smallest change of the difficulty of a scenario in the curriculum, dimensionless.
 
-The difficulty is between 0, the mildest level of the scenario's disturbance axis, and 1, the severity of the scenario
-in the option --mixture."""
+The difficulty is between 0 and 1. The disturbance of the scenario, for example its pushes, has several numbered levels:
+0 is the mildest level, and 1 is the severity of the scenario in the option --mixture."""
 MIN_INTERVALS = 10
 """Smallest number of finished command intervals in a scenario for which its difficulty may change.
 
@@ -114,11 +115,12 @@ class CommandIntervalTracker:
 
 
 def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return a scenario at a reduced severity that is interpolated in the logarithm of the severity.
+    """Reduce the severity of a scenario to a difficulty, by interpolation of the logarithm of the severity.
 
     Args:
         scenario: Scenario at full severity.
-        share: Difficulty, from 0 (mildest level of the scenario's disturbance axis) to 1 (full severity).
+        share: Difficulty, from 0 (mildest level of the scenario's disturbance axis) to 1 (full severity). A disturbance
+            axis is a kind of disturbance with several levels, for example pushes.
         robot: Robot to which the severities of the disturbance axes are scaled.
 
     Returns:

@@ -27,8 +27,8 @@ Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 """Type of the result of a step of n robots.
 
-The items are the observation, (n, m); the reward, (n,); the masks of terminated and of truncated episodes, each (n,);
-and the infos."""
+The items are the observation, (n, m), with m numbers per robot; the reward, (n,); the masks of terminated and of
+truncated episodes, each (n,); and the infos."""
 
 
 TROT_OFFSETS = (0.0, 0.5, 0.5, 0.0)
@@ -46,7 +46,8 @@ class BaseGroup:
     Args:
         base: Base policy of the group, made for its robots and their control period.
         rows: Range of the indices that the robots of the group have in the environment.
-        inputs: Observations of the learner in addition to the current observation and the action of the base policy.
+        inputs: Past observations, averages and clock that the learner observes in addition to the current observation
+            and the action of the base policy.
     """
 
     action: Actions
@@ -82,7 +83,8 @@ class BaseGroup:
     def act(self, observation: FloatArray) -> None:
         """Update `action` and `features` of the group from a new observation.
 
-        `observation`, (n, m), has a row for each of the n robots of the environment, not only of the group.
+        `observation`, (n, m), has a row of m numbers for each of the n robots of the environment, not only for the
+        robots of the group.
         """
         group_observation = observation[self.rows]
         self.action = self.base.act(group_observation)
@@ -93,8 +95,8 @@ class BaseGroup:
 
         Args:
             mask: True for robots that begin an episode. The mask covers all n robots of the environment, (n,).
-            observation: Observation of all n robots of the environment, (n, m).
-            clock_phase: Phase of the clock of the restarted robots of the group, rad, (j,).
+            observation: Observation of all n robots of the environment, (n, m), with m numbers per robot.
+            clock_phase: Phase of the additional clock of each of the j restarted robots of the group, (j,), rad.
         """
         group_mask = mask[self.rows]
         if not group_mask.any():
@@ -133,12 +135,13 @@ class ResidualVectorEnv(
         env: Robots with `autoreset_mode` DISABLED. `ResidualVectorEnv` restarts them, after it has computed their last
             features.
         base: Base policy, made for the robots and their control period. Or a sequence of variants of a base policy,
-            each with its number of robots, for example with and without the delays of a real robot.
+            each with its number of robots. For example, one variant knows the delays of a real robot, and one does not.
         authority: Largest correction of each joint, (12,), rad. None for the default of the robot, see `authority_of`.
         hold: Number of control steps in one step of the learner.
-        inputs: Observations of the learner in addition to the current observation and the action of the base policy.
-        bounded: True to clip the corrections to [-1, 1]; otherwise `authority` is their scale.
-        random_clock_phase: True to draw the phase of the clock, `inputs.clock`, at the start of each episode.
+        inputs: Past observations, averages and clock that the learner observes in addition to the current observation
+            and the action of the base policy.
+        bounded: True to clip the corrections to [-1, 1]; otherwise `authority` is only the scale of the corrections.
+        random_clock_phase: True to draw a random phase of the clock, `inputs.clock`, at the start of each episode.
 
     Raises:
         ValueError: `env` restarts its robots by itself: its `autoreset_mode` is not DISABLED.
@@ -182,7 +185,7 @@ class ResidualVectorEnv(
             options: Options, passed to `env.reset`. A "reset_mask" is not allowed.
 
         Returns:
-            Features of all robots, (n, m), and infos.
+            Features (inputs of the network of the learner) of all robots, (n, m), and infos.
 
         Raises:
             ValueError: `options` has a "reset_mask".
@@ -197,15 +200,18 @@ class ResidualVectorEnv(
         return self._features, infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Simulate `hold` control steps with one correction, and sum the rewards.
+        """Simulate one step of the learner: `hold` control steps, in which all robots keep the same correction.
 
-        If the episode of a robot ends before the last of these control steps, its state does not change in the rest.
+        The base policies act at every control step, and the correction is added to their joint targets. If the episode
+        of a robot ends before the last control step, the robot stays as it is until then. After the last control step,
+        all robots with a finished episode restart.
 
         Args:
-            actions: Corrections as fractions of the authority, (n, 12).
+            actions: Correction of each joint target as a fraction of the largest correction, from -1 to 1, (n, 12).
 
         Returns:
-            Features, (n, m); summed rewards, (n,); masks of terminated and of truncated episodes, each (n,); and infos.
+            Features (inputs of the network of the learner), (n, m); rewards, summed over the control steps, (n,); masks
+            of terminated and of truncated episodes, each (n,); and infos.
 
         Raises:
             ValueError: `actions` does not have the shape of `action_space`.

@@ -1,4 +1,7 @@
-"""Files that record a run: settings, command, versions, validations; and comparison of settings."""
+"""Writes and reads the files that record a training run, and compares the settings of two runs.
+
+The files contain the settings, the command line, the package versions and the validation results.
+"""
 
 import dataclasses
 import json
@@ -118,7 +121,15 @@ class SettingChange(NamedTuple):
 
 
 def differences(old: Any, new: Any) -> list[SettingChange]:
-    """Return the settings that affect the result and have different values in `old` and `new`."""
+    """Compare the settings of two runs, and return the settings that have different values.
+
+    Args:
+        old: Settings of the first run, an object of a dataclass.
+        new: Settings of the second run, an object of the same dataclass.
+
+    Returns:
+        The settings with different values. Settings that do not affect the trained policy are left out.
+    """
     after = dict(flatten(to_dict(new)))
     return [
         SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
@@ -189,9 +200,11 @@ def to_words(value: Any) -> str:
 def write_settings(config: Any, steps: int, command: str) -> list[str]:
     """Write the settings of a run, its command, and the package versions of the current session.
 
+    A session is the part of a run that one process trains.
+
     Args:
         config: Settings of the run.
-        steps: Number of steps, or of labels, at the start of the session; 0 for a new run.
+        steps: Number of learner steps, or of labels in a distillation, at the start of the session; 0 for a new run.
         command: Command line that repeats the run.
 
     Returns:

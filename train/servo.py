@@ -1,4 +1,7 @@
-"""Servo gains of a training run: their description, and comparison with the gains of an earlier policy."""
+"""Describes the servo gains of a training run, and compares them with the gains of an earlier policy.
+
+A network that was trained with other gains would move the robot differently, so that a run refuses to continue with it.
+"""
 
 import numpy as np
 
@@ -12,7 +15,7 @@ from train.training_robots import make_base
 
 
 def describe_servo(config: TrainConfig) -> str:
-    """Return a line with the servo gains of a training run, and the place that they come from."""
+    """Return a line with the servo gains of a training run and their source: --servo, base policy or robot."""
     robot = config.hardware.robot_model
     base = make_base(config)
     source = f"{base.name}'s"
@@ -70,7 +73,10 @@ def _have_same_gains(one: Robot, other: Robot) -> bool:
 
 
 def _servo_option(robot: Robot) -> str:
-    """Return the value of the option `--servo` for the gains of a robot; empty if no value gives different joints."""
+    """Return the value of the option `--servo` that gives a run the servo gains of a robot.
+
+    The text is empty if the joints have different gains, because the option sets the same gains for all joints.
+    """
     if robot.has_gains(robot.stiff_servo):
         return STIFF
     gains = robot.servo_gains()[:, 0]

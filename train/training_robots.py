@@ -1,4 +1,7 @@
-"""Robots of a training run: one batch of robots for each scenario, stepped together, with statistics."""
+"""Makes the simulated robots of a training run, steps them together, and collects statistics of the training.
+
+There is one batch of robots for each scenario of the training mixture.
+"""
 
 import dataclasses
 from collections import defaultdict
@@ -30,15 +33,17 @@ from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
 PUSH_SCALE = 500.0
-"""Scale of the pushing force in the input of the value network: a force of this size is observed as 1, N."""
+"""Pushing force that the value network observes as the number 1, N."""
 PRIVILEGED_TAIL_SIGNS = (1.0, -1.0, -1.0, 1.0, -1.0)
-"""Signs of the mirrored last values of `infos["privileged"]`: velocity (forward, lateral, yaw rate) and push."""
+"""Signs of the last five values of `infos["privileged"]` in a left-right mirror image of the robot.
+
+The values are the velocity (forward, lateral, yaw rate) and the pushing force (forward, lateral)."""
 COMMAND_ON_PROBABILITY = (0.9, 0.25, 0.5)
-"""Probability that a random command has a forward velocity, a lateral velocity, a yaw rate."""
+"""Probabilities that a random command has a forward velocity, a lateral velocity, and a yaw rate other than zero."""
 COMMAND_KEEP_PROBABILITY = 0.5
-"""Probability that a component of a random command keeps its value in a new command."""
+"""Probability that a component of a random command (forward, lateral, yaw rate) is copied from the last command."""
 NO_TRUNCATION = np.iinfo(np.int64).max
-"""Control steps after which a first episode is truncated if it must not be truncated: a number never reached."""
+"""Length limit of a first episode that must not be truncated early, control steps; no episode is as long."""
 
 
 class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
@@ -52,7 +57,8 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         batches: Vector environments, one for each scenario, made with `AutoresetMode.DISABLED`.
         first_episode_steps: Function that takes the seeds of the robots and returns the numbers of control steps after
             which their first episodes are truncated, (n,). None: first episodes have their full length.
-        threads: Number of batches that are stepped in parallel, one per thread. Results do not depend on this number.
+        threads: Number of threads. Each thread steps the robots of one scenario at a time. Results do not depend on
+            this number.
     """
 
     def __init__(
@@ -99,7 +105,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             options: May have a "reset_mask": True for robots that start their next episode, (n,).
 
         Returns:
-            Observation of all robots, (n, m), and infos.
+            Observation of all n robots, (n, m), with m numbers per robot; and infos.
         """
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
@@ -119,7 +125,11 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return np.concatenate([observation for observation, _ in results]), infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Simulate one control step of all robots with joint targets `actions`, (n, 12), rad."""
+        """Simulate one control step of all robots with joint targets `actions`, (n, 12), rad.
+
+        Returns the observation, (n, m); the rewards, (n,); the masks of terminated and of truncated episodes, each
+        (n,); and the infos.
+        """
         batch_actions = [actions[part] for part in self._parts]
         map_batches = map if self._pool is None else self._pool.map
         results = list(map_batches(lambda batch, targets: batch.step(targets), self.batches, batch_actions))
@@ -136,7 +146,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return observation, rewards, terminated, truncated, infos
 
     def true_observation(self, height_scan: HeightScan | None = None) -> FloatArray:
-        """Return the observation of the true present state of all robots, see `SimpleQuadVectorEnv`, (n, m).
+        """Return the observation of the true present state of all robots, without noise and delay, (n, m).
+
+        The m numbers per robot are explained in `SimpleQuadVectorEnv`.
 
         Args:
             height_scan: Grid of a height scan to append; None for no scan.
@@ -171,15 +183,18 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         }
 
     def pop_interval_counts(self) -> NDArray[np.int64]:
-        """Return the numbers of ended and of tracked command intervals for each of b scenarios, (2, b).
+        """Return the numbers of ended (row 0) and of tracked (row 1) command intervals of each of b scenarios, (2, b).
 
-        The numbers count from the last call of this method, which sets them to zero.
+        A command interval is the time during which the velocity command of a robot is constant. The method counts the
+        intervals since its last call.
         """
         counts, self._interval_counts = self._interval_counts, np.zeros((2, len(self.batches)), np.int64)
         return counts
 
     def replace_batch(self, number: int, batch: SimpleQuadVectorEnv) -> None:
-        """Replace the vector environment of a scenario. All robots must start new episodes afterwards.
+        """Replace the vector environment of a scenario, for example after a change of its difficulty.
+
+        All robots must start new episodes afterwards.
 
         Args:
             number: Index of the environment in `batches`.
@@ -293,18 +308,18 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def distribute_robots(mixture: Sequence[tuple[str, float]], count: int, robot: Robot) -> dict[str, int]:
-    """Return the number of robots on each scenario of a mixture, as a dictionary: scenario name -> number.
+    """Distribute robots over the scenarios of a mixture, in proportion to the shares of the scenarios.
 
-    The largest-remainder method rounds the shares of the mixture to whole robots. Scenarios with zero robots are left
+    The largest-remainder method rounds the shares to whole robots. Scenarios with zero robots are left
     out. Scenarios with the robot's hardware profile (motors, delays and sensors of the real robot) come last.
 
     Args:
-        mixture: Name and share of each scenario.
+        mixture: Name and share of each scenario. A share is a relative weight.
         count: Number of robots.
         robot: Robot to which the scenarios are scaled.
 
     Returns:
-        The numbers of robots; their sum is `count`.
+        Name of each scenario -> number of robots on it. The sum of the numbers is `count`.
     """
     total = sum(share for _, share in mixture)
     exact = [(name, share / total * count) for name, share in mixture]
@@ -317,7 +332,7 @@ def distribute_robots(mixture: Sequence[tuple[str, float]], count: int, robot: R
 
 
 def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
-    """Make a new instance of the base policy of a training run.
+    """Make a new instance of the base policy, which the trained network corrects.
 
     Args:
         config: Settings of the training run.

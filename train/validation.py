@@ -55,7 +55,7 @@ def validation_record(steps: int, results: Results) -> dict[str, Any]:
     """Return a validation as it is stored in the list of the validations of a run.
 
     Args:
-        steps: Number of steps, or of labels, at the validation.
+        steps: Number of learner steps, or of labels in a distillation, at the validation.
         results: Scenario name -> metric name -> mean over the episodes.
 
     Returns:

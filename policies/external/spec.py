@@ -252,9 +252,10 @@ class PolicySpec(_CheckedSpec):
     `zeros + signs * angle`, where `angle` is the policy's joint angle.
     """
     zeros: Numbers | None = None
-    """Joint angles in the robot file at which the policy's joint angles are zero, rad.
+    """Offset of the zero point of each joint angle between the robot file and the policy, rad.
 
-    The values are in the order of `joints`. None: zero for all joints.
+    The values are in the order of `joints`. A joint of the policy has the angle zero if its angle by the definition in
+    the robot file equals this value. None: the offset is zero for all joints. See `signs` for the formula.
     """
     remarks: tuple[str, ...] = field(default=(), compare=False)
     """Assumptions that a reader made because the deployment file is incomplete, one line each."""

@@ -74,9 +74,11 @@ class GaitParameters(CommandMap):
 
     In the pace, both feet of a side swing together, so that the amplitude is twice this value."""
     stance_load: float = parameter(0.8, limits=(0.0, 3.0))
-    """Assumed largest force on a stance foot, for which the joint targets compensate the sag of the servos.
+    """Compensated force at mid-stance, as a fraction of the mean force on a stance foot, dimensionless.
 
-    It is a multiple of the mean force on a stance foot, the weight of the robot / (number of legs · duty factor)."""
+    Servos sag under the force on a stance foot. The joint targets compensate the sag for a force that rises from zero
+    at touch-down to this value and falls back to zero at lift-off. The mean force on a stance foot is the weight of the
+    robot / (number of legs · duty factor)."""
     servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
     """Lead time of the joint targets, which compensates the lag of the servos, s.
 

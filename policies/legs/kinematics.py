@@ -85,8 +85,8 @@ def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[
     bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
     bend = np.clip(bend, -1.0, 1.0)  # because rounding errors can make the absolute value slightly larger than 1
     calf = knee * np.arccos(bend)
-    # Position of the foot relative to the thigh joint: `along` is the component along the thigh. `behind` is the
-    # component perpendicular to the thigh, positive to the rear.
+    # The vector from the thigh joint to the foot is split into two components in the leg plane: `along` is parallel to
+    # the thigh, and `behind` is perpendicular to the thigh, positive to the rear.
     along = upper + lower * bend
     behind = knee * lower * np.sqrt(1.0 - bend * bend)
     # The thigh angle rotates the vector (behind, along) to (-x, drop). Their cross and dot products give its sine and

@@ -42,7 +42,7 @@ It is subtracted from the acceleration of a body."""
 class RigidBodyState(NamedTuple):
     """States of n robots that the MPC models as single rigid bodies.
 
-    Vectors are in the level frame of the robot (z up, x forward), with the origin at its centre of mass.
+    Vectors are in the level frame of the robot: x along the heading, z up, origin at the centre of mass.
     """
 
     pose: Floats
@@ -50,7 +50,9 @@ class RigidBodyState(NamedTuple):
 
     The numbers are roll, pitch and yaw, rad, then the position x, y, z, m."""
     rate: Floats
-    """Angular velocity of the trunk, rad/s, then velocity of the centre of mass, m/s, level frame, (n, 6)."""
+    """Velocities of the robots, (n, 6): angular velocity of the trunk, rad/s, then velocity of the centre of mass, m/s.
+
+    Both are in the level frame (x along the heading of the robot, z up)."""
     mass: Floats
     """Mass of each robot with its load, (n,), kg."""
     inertia: Floats

@@ -18,17 +18,17 @@ from train.run_record import decode, differences, load_settings
 
 NAME = "python -m train --teacher"
 TEACHER_OPTION = "--teacher"
-"""Option that selects this command."""
+"""Command-line option of `python -m train` that selects the distillation instead of the PPO training."""
 
 
 def is_requested(words: list[str]) -> bool:
-    """Return True if a command line asks for a distillation, or for the continuation of one.
+    """Return True if a command line starts or resumes a distillation, the training of a network to imitate a policy.
 
     Args:
         words: Words of the command line after `python -m train`.
 
     Returns:
-        True for a distillation.
+        True if the words contain `--teacher`, or if `--resume` and `--out` name the folder of a distillation.
     """
     if any(word.partition("=")[0] == TEACHER_OPTION for word in words):
         return True
@@ -39,7 +39,7 @@ def is_requested(words: list[str]) -> bool:
 
 
 def run(words: list[str]) -> int:
-    """Distil with the options of a command line, and return the exit code.
+    """Distil a policy into a network, with the options of a command line, and return the exit code.
 
     Args:
         words: Words of the command line after `python -m train`.
@@ -73,11 +73,11 @@ def parse(words: list[str]) -> DistillationConfig:
         words: Words of the command line after `python -m train`.
 
     Returns:
-        The settings. With --resume, options that are not given have the values of the run.
+        The settings. With --resume, an option that is not given has the value of the run that is continued.
 
     Raises:
-        UsageError: An option is unknown or its value is not valid, or an option next to --resume differs from the
-            settings of the run.
+        UsageError: An option is unknown, its value is not valid, or it differs from the settings of the run that
+            --resume continues.
     """
     words = _without_teacher_of_help(words)
     config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "")
@@ -92,7 +92,10 @@ def parse(words: list[str]) -> DistillationConfig:
 
 
 def _without_teacher_of_help(words: list[str]) -> list[str]:
-    """Return the words without a `--teacher` that --help follows instead of a policy."""
+    """Return the words of a command line, but remove `--teacher` if --help follows it instead of a policy.
+
+    Otherwise --help would be read as the name of the policy, and the help would not be printed.
+    """
     return [
         word
         for word, following in zip(words, [*words[1:], ""], strict=True)
@@ -101,7 +104,7 @@ def _without_teacher_of_help(words: list[str]) -> list[str]:
 
 
 def _load(folder: Path) -> DistillationConfig:
-    """Load the settings of the distillation in `folder`. Raises UsageError if there is none."""
+    """Load the settings of a distillation from its run folder; raise UsageError if the folder has none."""
     try:
         return cast(DistillationConfig, decode(DistillationConfig, load_settings(folder)))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:

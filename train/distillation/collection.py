@@ -1,4 +1,8 @@
-"""Collection of labels: student and teacher drive the robots in turn, and the teacher labels every state."""
+"""Collection of the labels of a distillation.
+
+Either the student or the teacher controls (drives) each simulated robot for a random time. In every control step, the
+teacher labels the state of each robot with the action that it would choose.
+"""
 
 from dataclasses import dataclass
 
@@ -13,18 +17,22 @@ from train.residual_env import BoolArray, FloatArray
 from train.training_robots import MultiScenarioVectorEnv
 
 NOISY_FRACTION = 0.5
-"""Fraction of the teacher's drives with noise on its actions."""
+"""Probability of noise on the joint targets of the teacher during a drive.
+
+A drive is the time during which one driver, student or teacher, controls a robot."""
 
 
 @dataclass
 class DriverSchedule:
-    """Schedule that draws a driver, teacher or student, for each of n robots and for random times.
+    """Random schedule of the driver of each of n robots: the policy, teacher or student, that controls the robot.
+
+    A driver controls a robot for a random time, the drive. Then the schedule draws the next driver and the next time.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the distillation, with the shortest and the longest time of a drive.
         robots: Number of robots, n.
         dt: Control period, s.
-        random: Random generator.
+        random: Random generator of drivers, times and noise.
     """
 
     config: DistillationConfig
@@ -34,16 +42,16 @@ class DriverSchedule:
 
     def __post_init__(self) -> None:
         self.teacher_drives = np.zeros(self.robots, np.bool_)
-        """True for robots that the teacher drives, (n,)."""
+        """True for robots that the teacher controls now, (n,); False for robots that the student controls."""
         self.is_noisy = np.zeros(self.robots, np.bool_)
-        """True for robots that are driven with noise on the teacher's actions, (n,)."""
+        """True for robots that get noise on their joint targets while the teacher controls them, (n,)."""
         self._remaining_steps = np.zeros(self.robots, np.int64)
 
     def step(self, teacher_share: float) -> None:
-        """Count a control step, and draw new drivers where the time of the last one is over.
+        """Advance the schedule by a control step, and draw a new driver for robots with a finished drive.
 
         Args:
-            teacher_share: Probability of the teacher.
+            teacher_share: Probability, 0 to 1, that the new driver is the teacher.
         """
         self._remaining_steps -= 1
         due = self._remaining_steps < 0
@@ -58,13 +66,16 @@ class DriverSchedule:
 
 
 class LabelCollector:
-    """Simulates n robots, and records inputs of the student and corrections of the teacher in every control step.
+    """Simulates n robots, and records a label of each robot in every control step.
+
+    A label has the inputs of the student's network and the correction of the teacher. The correction is the joint
+    target of the teacher minus the home pose, as a fraction of the authority.
 
     Args:
-        config: Settings of the run.
-        robots: Robots; the collector restarts finished episodes.
-        teacher: Teacher of the robots.
-        features: Inputs of the student's network.
+        config: Settings of the distillation.
+        robots: Vector environment of the robots; the collector restarts finished episodes.
+        teacher: Policy that labels the states of the robots.
+        features: Feature extractor, which computes the inputs of the student's network from observations.
         authority: Largest correction of each joint, (12,), rad.
     """
 
@@ -86,10 +97,10 @@ class LabelCollector:
         self._margin = round(config.fall_margin / robots.dt)
 
     def start_segment(self, seeds: list[int], random: np.random.Generator) -> None:
-        """Start new episodes of all robots.
+        """Start new episodes of all robots, and reset teacher, drivers and features.
 
         Args:
-            seeds: Seed of each robot.
+            seeds: Seed of the episode of each robot.
             random: Random generator of drivers and noise.
         """
         count = self._robots.num_envs
@@ -102,17 +113,17 @@ class LabelCollector:
         self._base_actions = np.tile(self._home, (count, 1))
 
     def collect(self, student: StudentNetwork, teacher_share: float) -> LabelBlock:
-        """Simulate one round, and return its labels.
+        """Simulate one round, which is a fixed number of control steps, and return its labels.
 
-        Labels shortly before a fall are not valid, because no action can prevent the fall any more. So falls in the
-        first steps of the next round do not invalidate labels of this round.
+        Labels shortly before a fall are marked as not valid, because no action can prevent the fall any more. Only
+        falls in the same round are considered: a fall at the start of the next round does not change this round.
 
         Args:
             student: Network of the student.
-            teacher_share: Fraction of the time in which the teacher drives.
+            teacher_share: Fraction of the time in which the teacher controls a robot, 0 to 1.
 
         Returns:
-            The labels.
+            The labels of all robots in all control steps of the round.
         """
         steps = self._config.round_steps
         shape = (steps, self._robots.num_envs)
@@ -126,9 +137,13 @@ class LabelCollector:
         return LabelBlock(inputs, corrections, ~_precedes(fell, self._margin))
 
     def _label(self) -> tuple[FloatArray, FloatArray]:
-        """Return the inputs of the student, (n, k), and the corrections of the teacher, (n, 12), for the present state.
+        """Compute the labels of n robots for their present states.
 
-        Robots that have just begun an episode are reset first, in the teacher and in the history of the inputs.
+        Robots that have just started an episode are first reset in the teacher and in the history of the inputs.
+
+        Returns:
+            inputs: Inputs of the student's network, (n, k), with k inputs per robot.
+            corrections: Corrections of the teacher as fractions of the authority, clipped to -1 to 1, (n, 12).
         """
         if self._restarted.any():
             self._teacher.reset_where(self._restarted)
@@ -141,7 +156,11 @@ class LabelCollector:
     def _choose_actions(
         self, student: StudentNetwork, inputs: FloatArray, corrections: FloatArray, teacher_share: float
     ) -> FloatArray:
-        """Return the joint targets of the driver of each robot, (n, 12), rad."""
+        """Return the joint targets with which to simulate the robots, (n, 12), rad.
+
+        They come from the present driver of each robot, teacher or student. `inputs`, (n, k), and `corrections`,
+        (n, 12), are the present labels. `teacher_share` is the probability of the teacher when a new driver is drawn.
+        """
         self._drivers.step(teacher_share)
         teacher_drives = self._drivers.teacher_drives
         noise = self._random.standard_normal(corrections.shape, np.float32) * self._noise_std
@@ -154,7 +173,10 @@ class LabelCollector:
         return targets
 
     def _step(self, actions: FloatArray) -> BoolArray:
-        """Simulate a control step, restart finished robots, and return the mask of robots that fell, (n,)."""
+        """Simulate a control step with joint targets `actions`, (n, 12), rad, and restart finished robots.
+
+        Returns a mask that is True for robots that fell, (n,).
+        """
         self._observation, _, terminated, truncated, _ = self._robots.step(actions)
         self._restarted = terminated | truncated
         if self._restarted.any():
@@ -163,14 +185,14 @@ class LabelCollector:
 
 
 def _precedes(events: BoolArray, steps: int) -> BoolArray:
-    """Return True where an event of the same robot follows within fewer than `steps` rows, or in the same row.
+    """Mark the control steps of each robot that shortly precede an event, for example a fall.
 
     Args:
-        events: Events of n robots in T control steps, (T, n).
-        steps: Number of rows before an event, the row of the event included.
+        events: True for an event of a robot in a control step, (T, n), for T control steps and n robots.
+        steps: Number of control steps to mark for each event. The last of them is the control step of the event.
 
     Returns:
-        Mask, (T, n).
+        Mask of the marked control steps, (T, n).
     """
     mask = np.zeros_like(events)
     for lead in range(min(steps, len(events))):

@@ -20,41 +20,46 @@ MIXTURE = (
     ("slow_motors:3", 0.03), ("latency:3", 0.04), ("noise:3", 0.04), ("dropout:4", 0.03), ("surprise:2", 0.03),
     ("flat:2+hardware", 0.04), ("push:3+hardware", 0.03), ("rough:3+hardware", 0.03),
 )  # fmt: skip
-"""Default scenarios of the student, each with the fraction of the robots on it.
+"""Default scenarios on which the student is trained, each with the fraction of the robots on it.
 
-Every axis of disturbance is included at a hard level, because a student does not learn to resist disturbances that it
-has not met. Three scenarios have the robot's hardware profile."""
+A name such as `push:3` means level 3 of the disturbance `push`; a higher level is more severe. Every kind of
+disturbance is included at a hard level, because a student does not learn to resist a disturbance that it has not met.
+The suffix `+hardware` adds the robot's hardware profile: the motors, delays and sensors of the real robot."""
 VALIDATION_SCENARIOS = ("flat", "push", "rough", "payload", "latency:3", "noise:3", "push:3+hardware")
-"""Default scenarios of the validations."""
-HISTORY_INPUTS = Inputs(lags=(0.01, 0.02, 0.04, 0.08, 0.12), averages=(0.3, 1.5))
-"""Past observations of the student.
+"""Names of the scenarios on which the student is validated by default.
 
-A model-based teacher integrates its position and estimates loads. The averages let the network do the same; the lags
-show the velocity of noisy readings, and delays."""
+A name such as `latency:3` means level 3 of the disturbance `latency`. The suffix `+hardware` adds the motors, delays
+and sensors of the real robot."""
+HISTORY_INPUTS = Inputs(lags=(0.01, 0.02, 0.04, 0.08, 0.12), averages=(0.3, 1.5))
+"""Default inputs of the student's network in addition to the current observation.
+
+`lags` are the ages of single past observations, and `averages` the time constants of exponential averages, s. A
+model-based teacher integrates its position error and estimates loads. From the averages, the network can compute
+similar quantities. From the lags, it can estimate velocities in spite of noise, and recognise delays."""
 
 
 @dataclasses.dataclass(frozen=True)
 class FitConfig:
-    """Settings of the supervised learning."""
+    """Settings of the supervised learning, in which the network of the student learns from the labels."""
 
     hidden: tuple[int, ...] = dataclasses.field(default=(512, 256, 128), metadata={"limits": (1, 4096)})
-    """Hidden layer widths of the network."""
+    """Numbers of units in the hidden layers of the network."""
     round_updates: int = parameter(500, limits=(1, 1_000_000))
-    """Gradient steps after each round of labels."""
+    """Number of gradient steps after each round, see --round-steps."""
     final_updates: int = parameter(2000, limits=(0, 1_000_000))
-    """Gradient steps after the last round, over which the learning rate falls to its final value. A constant rate costs
-    success on rough ground and under pushes."""
+    """Number of gradient steps after the last round, in which the learning rate falls to --fit.final-learning-rate. A
+    constant rate gives less success on rough ground and under pushes."""
     minibatch: int = parameter(2048, limits=(1, 2**20))
-    """Labels in one gradient step."""
+    """Number of labels in one gradient step."""
     learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
-    """Step size of AdamW during the rounds."""
+    """Learning rate of the AdamW optimiser during the rounds."""
     final_learning_rate: float = parameter(1e-5, limits=(1e-9, 1.0))
-    """Step size of AdamW at the last gradient step."""
+    """Learning rate of the AdamW optimiser at the last gradient step."""
     weight_decay: float = parameter(1e-4, limits=(0.0, 1.0))
-    """Weight decay of AdamW."""
+    """Weight decay of the AdamW optimiser."""
     huber: float = parameter(0.08, limits=(1e-4, 100.0))
-    """Error of a servo torque at which the loss changes from quadratic to linear, as a fraction of weight x leg
-    length."""
+    """Error of a servo torque at which the Huber loss changes from quadratic to linear, as a fraction of robot weight x
+    leg length."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,14 +67,14 @@ class DistillationConfig:
     """Distil a policy into a network that runs alone: dataset aggregation (DAgger) on SimpleQuad-v0."""
 
     teacher: str = "mpc_wbc"
-    """Policy to learn from: a name, the folder of a bundle, or a file of another project. It observes the true state,
-    without noise and delay, also where the student does not."""
+    """Policy to learn from: a name, the folder of a bundle, or a file of another project. It always observes the true
+    state; the observations of the student may have noise and delay."""
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
     """Stiffness/damping of the servos, N·m/rad and N·m·s/rad, for example 35/0.5; by default from the teacher."""
     labels: int = parameter(1_000_000, limits=(1, 10**12 - 1))
-    """Labels of the teacher (count); a label is the teacher's action on one observation of one robot."""
+    """Number of labels of the whole run; a label is the action of the teacher for one robot in one control step."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
@@ -77,33 +82,33 @@ class DistillationConfig:
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
-    """Threads of simulation and learner. Resume with the same number to get the same bits."""
+    """Number of threads of simulation and learner. A resumed run gives identical results only with the same number."""
     trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Load a teacher from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
+    """Load a teacher also from files that can contain hidden code: a .zip of Stable-Baselines3, TorchScript .pt."""
     envs: int = parameter(256, limits=(1, 65_536))
-    """Robots simulated together."""
+    """Number of robots simulated together."""
     round_steps: int = parameter(250, limits=(1, 1_000_000))
-    """Control steps of 10 ms in a round. After each round the network learns from all labels so far."""
+    """Number of control steps of 10 ms in a round. After each round the network learns from all labels so far."""
     segment_rounds: int = parameter(4, limits=(1, 1000))
-    """Rounds after which all robots start new episodes and a checkpoint is written."""
+    """Number of rounds after which all robots start new episodes and a checkpoint is written."""
     teacher_share: tuple[float, ...] = dataclasses.field(
         default=(1.0, 0.5, 0.25, 0.125, 0.1, 0.0), metadata={"limits": (0.0, 1.0)}
     )
-    """Fraction of the time in which the teacher drives, in each round; the last value also holds afterwards."""
+    """Fraction of the time in which the teacher controls a robot, for each round; later rounds have the last value."""
     drive_time: tuple[float, float] = dataclasses.field(default=(0.2, 1.5), metadata={"limits": (0.01, 100.0)})
-    """Shortest and longest time between two draws of a robot's driver, s."""
+    """Shortest and longest time for which teacher or student controls a robot before the next random choice, s."""
     noise: float = parameter(0.04, limits=(0.0, 10.0))
-    """Standard deviation of the noise on half of the teacher's drives: servo torque as a fraction of weight x leg
-    length."""
+    """Standard deviation of the noise on the joint targets in half of the times in which the teacher controls a robot:
+    servo torque as a fraction of robot weight x leg length."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
-    """Labels in this time before a fall are dropped, s."""
+    """Time before a fall from which no labels are used, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
     """Largest distance of the targets of thigh and calf joints from the home pose, rad."""
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Past observations for the network. If the clock is 0, the network gets a clock of the teacher's step
-    frequency."""
+    """Inputs of the network besides the current observation. If the frequency of the clock is 0, the step frequency of
+    the teacher is used."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the student, each with its share of the robots; also combined ones, payload=15+slope=10, and
     flat+randomised, with domain randomisation."""
@@ -121,20 +126,20 @@ class DistillationConfig:
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the robots: the robot and its servo gains, with ideal motors and the true state.
+        """Hardware of the simulated robots: the robot and its servo gains, with ideal motors and the true state.
 
-        Scenarios with the hardware profile have the motors and sensors of the profile.
+        Scenarios with the robot's hardware profile have the motors, delays and sensors of the real robot instead.
         """
         return HardwareConfig(robot=self.robot, servo=self.servo)
 
     @property
     def round_labels(self) -> int:
-        """Labels in a round."""
+        """Number of labels in a round: one label of each robot in each control step."""
         return self.envs * self.round_steps
 
     @property
     def rounds(self) -> int:
-        """Rounds of the run; the last one reaches `labels` or exceeds it."""
+        """Number of rounds of the run: the smallest number with which the run has at least `labels` labels."""
         return -(-self.labels // self.round_labels)
 
 
@@ -142,10 +147,10 @@ def check(config: DistillationConfig) -> None:
     """Check that a distillation can run with the given settings.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the distillation.
 
     Raises:
-        UsageError: A setting is not valid; the message is one line.
+        UsageError: A setting is not valid. The message is one line that names the option.
     """
     for group, part in (("", config), ("fit.", config.fit), ("validation.", config.validation)):
         check_numbers(part, limits_of(part), group)

@@ -1,4 +1,7 @@
-"""Labels of a distillation: inputs of the student and corrections of the teacher, in memory and in a folder."""
+"""Stores the labels of a distillation in memory and in files, and draws minibatches of them.
+
+A label has the inputs of the student's network and the correction of the teacher, for one robot in one control step.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,35 +18,40 @@ from quad_env.files.writing import write_atomically
 from train.residual_env import BoolArray, FloatArray
 
 FOLDER = "labels"
-"""Name of the folder of labels in a run folder."""
+"""Name of the subfolder of a run folder with the files of labels."""
 
 
 @dataclass(frozen=True)
 class LabelBlock:
-    """Labels of T control steps of n robots."""
+    """Labels of n robots in the T control steps of one round of a distillation."""
 
     inputs: FloatArray
-    """Inputs of the student's network, (T, n, k)."""
+    """Inputs of the student's network, (T, n, k), with k inputs per robot."""
     corrections: FloatArray
-    """Corrections of the teacher as fractions of the authority, (T, n, 12)."""
+    """Corrections of the teacher as fractions of the largest correction of each joint, from -1 to 1, (T, n, 12)."""
     is_valid: BoolArray
-    """True for labels to learn from, (T, n)."""
+    """True for labels from which the student learns, (T, n); False shortly before a fall."""
 
 
 class LabelStore:
-    """All labels of a run, one block for each round.
+    """Store of all labels of a distillation, one block for each round, in memory and in files.
+
+    The files let a resumed run continue with all earlier labels.
 
     Args:
-        folder: Folder of the run.
+        folder: Folder of the run. The files are in its subfolder `FOLDER`.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / FOLDER
         self.blocks: list[LabelBlock] = []
-        """Blocks in the order of the rounds."""
+        """Blocks of labels in memory, in the order of the rounds."""
 
     def load(self, rounds: int) -> None:
-        """Load the blocks of the first `rounds` rounds. Raises UsageError if one is missing or damaged."""
+        """Load the labels of the first `rounds` rounds from their files.
+
+        Raises UsageError if a file is missing or damaged.
+        """
         for index in range(rounds):
             path = self._path(index)
             try:
@@ -55,17 +63,17 @@ class LabelStore:
                 ) from None
 
     def save_from(self, first_round: int) -> None:
-        """Write the blocks from the round with the index `first_round` to the folder."""
+        """Write the labels of the round with the index `first_round`, and of all later rounds, to files."""
         self._folder.mkdir(parents=True, exist_ok=True)
         for index, block in enumerate(self.blocks[first_round:], first_round):
             write_atomically(self._path(index), format_safetensors(vars(block)))
 
     def sampler(self, minibatch: int, random: np.random.Generator) -> "LabelSampler":
-        """Return a sampler of all valid labels so far; `minibatch` labels are drawn with `random`."""
+        """Return a sampler of all valid labels so far, which draws `minibatch` labels at a time with `random`."""
         return LabelSampler(self.blocks, minibatch, random)
 
     def delete_files(self) -> None:
-        """Delete the files of labels, after the last round."""
+        """Delete all files of labels, which a finished run does not need any more."""
         for path in self._folder.glob("*.safetensors"):
             path.unlink()
         if self._folder.is_dir():
@@ -80,8 +88,8 @@ class LabelSampler:
 
     Args:
         blocks: Blocks of labels.
-        minibatch: Labels of a minibatch.
-        random: Random generator.
+        minibatch: Number of labels in a minibatch.
+        random: Random generator that selects the labels.
     """
 
     def __init__(self, blocks: list[LabelBlock], minibatch: int, random: np.random.Generator) -> None:
@@ -96,11 +104,11 @@ class LabelSampler:
         return int(self._ends[-1])
 
     def sample(self) -> tuple[FloatArray, FloatArray]:
-        """Draw a minibatch.
+        """Draw a random minibatch of valid labels.
 
         Returns:
-            inputs: Inputs of the network, (minibatch, k).
-            corrections: Corrections of the teacher, (minibatch, 12).
+            inputs: Inputs of the student's network, (minibatch, k), with k inputs per label.
+            corrections: Corrections of the teacher as fractions of the largest correction, (minibatch, 12).
         """
         chosen = np.sort(self._random.integers(0, len(self), self._minibatch))
         block_of = np.searchsorted(self._ends, chosen, side="right")

@@ -1,4 +1,8 @@
-"""Distillation run: rounds of collecting and learning, validations, bundles and checkpoints."""
+"""Runs a distillation: trains a network, the student, to imitate a policy, the teacher.
+
+In each round, labels of the teacher are collected, and the student learns from all labels so far. The module also
+validates the student, and writes policy bundles and checkpoints.
+"""
 
 import contextlib
 import time
@@ -43,13 +47,13 @@ from train.validation import best_validation, describe_validation, validate, val
 
 
 def distil(config: DistillationConfig) -> None:
-    """Distil to the last label, or until Ctrl-C, and write all files of the run.
+    """Distil a policy into a network until the last label, or until Ctrl-C, and write all files of the run.
+
+    Raises UsageError with a message of one line if the run cannot start or a file cannot be written. Raises
+    KeyboardInterrupt after Ctrl-C; a resumed run then continues from the last checkpoint.
 
     Args:
-        config: Settings of the run.
-
-    Raises UsageError with a message of one line if a run cannot start or be written. Raises KeyboardInterrupt after
-    Ctrl-C, when everything up to the last segment is saved.
+        config: Settings of the distillation.
     """
     torch.set_num_threads(config.threads)
     with Interrupt() as interrupt:
@@ -65,27 +69,29 @@ def distil(config: DistillationConfig) -> None:
 
 
 def distillation_command(config: DistillationConfig) -> str:
-    """Return the command line that repeats a run."""
+    """Return the command line that repeats the distillation with the settings `config`."""
     default = DistillationConfig(teacher=config.teacher)
     return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"
 
 
 def evaluation_command(config: DistillationConfig) -> str:
-    """Return the command line that evaluates the student and its teacher."""
+    """Return the command line that evaluates the best student of a distillation and its teacher."""
     robot = "" if config.robot == "simple_quad" else f" --robot {config.robot}"
     out = config.folder / "evaluation"
     return f"python -m evaluate{robot} --policies {config.teacher} {config.folder} --out {out}"
 
 
 def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVectorEnv:
-    """Make the robots of a run on their scenarios, with the physics of the evaluation.
+    """Make the simulated robots of a distillation, distributed over its scenarios.
+
+    The physics settings are equal to the settings of an evaluation.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the distillation.
         robot: Robot, with the servo gains of the teacher.
 
     Returns:
-        The robots; finished ones are not restarted automatically.
+        Vector environment of all robots. It does not restart robots with a finished episode automatically.
     """
     counts = distribute_robots(config.mixture, config.envs, robot)
     has_batch_threads = len(counts) >= config.threads
@@ -105,27 +111,33 @@ def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVector
 
 @dataclass
 class DistillationState:
-    """State of a run that checkpoints save. All values are JSON types."""
+    """Progress of a distillation that a checkpoint saves, so that a later session continues the run.
+
+    All values are JSON types. A session is the part of a run that one process executes.
+    """
 
     rounds: int = 0
-    """Number of finished rounds."""
+    """Number of finished rounds of collection and learning."""
     seconds: float = 0.0
-    """Time of earlier sessions, validation included, s."""
+    """Wall time that the sessions of the run have taken until the checkpoint, validations included, s."""
     cpu_seconds: float = 0.0
-    """Processor time of earlier sessions, s."""
+    """Processor time that the sessions of the run have taken until the checkpoint, s."""
     is_finished: bool = False
-    """True after the final updates."""
+    """True if the gradient steps after the last round are done, so that the run is complete."""
     validations: list[dict[str, Any]] = field(default_factory=list)
-    """Result of each validation: keys "steps" (labels), "success", "score", "cost_of_transport" and "scenarios"."""
+    """Result of each validation of the run, in order of time.
+
+    The keys of a result are "steps" (number of labels), "success" (rate from 0 to 1), "score" (m/s),
+    "cost_of_transport", and "scenarios" (scenario name -> metric name -> mean)."""
 
 
 class Distillation:
-    """Distillation run.
+    """Run of a distillation: owns robots, teacher, student, learner and labels, and executes all rounds.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the distillation.
         interrupt: Shows whether the user has pressed Ctrl-C.
-        resumed: Checkpoint to continue from; None for a new run.
+        resumed: Checkpoint from which the run continues; None for a new run.
     """
 
     def __init__(
@@ -152,7 +164,7 @@ class Distillation:
             self._restore(resumed)
 
     def run(self) -> None:
-        """Run all rounds and the final updates."""
+        """Execute all remaining rounds and the gradient steps after the last round, then validate the student."""
         config = self._config
         if self._state.is_finished:
             raise UsageError(f"the run in {config.folder} is finished")
@@ -168,7 +180,10 @@ class Distillation:
         self._labels.delete_files()
 
     def _run_segment(self) -> None:
-        """Run the rounds until the next new episodes, and save a checkpoint."""
+        """Execute the rounds of one segment, validate the student if a validation is due, and save a checkpoint.
+
+        All robots start new episodes at the start of a segment.
+        """
         config = self._config
         first = self._state.rounds
         segment = first // config.segment_rounds
@@ -184,7 +199,7 @@ class Distillation:
         self._save_checkpoint()
 
     def _run_round(self, index: int) -> None:
-        """Collect the labels of a round, learn from all labels so far, and print a line."""
+        """Collect the labels of the round `index`, learn from all labels so far, and print a line of progress."""
         config = self._config
         share = config.teacher_share[min(index, len(config.teacher_share) - 1)]
         block = self._collector.collect(self._network, share)
@@ -200,7 +215,7 @@ class Distillation:
         )
 
     def _sampler(self) -> Any:
-        """Return a sampler of all labels so far."""
+        """Return a sampler of minibatches from all valid labels so far."""
         random = np.random.default_rng([self._config.seed, self._state.rounds, 1])
         return self._labels.sampler(self._config.fit.minibatch, random)
 
@@ -216,7 +231,7 @@ class Distillation:
         return make_policy(self._config, self._robot, self._network.to_network(), self._inputs)
 
     def _validate(self) -> None:
-        """Validate the present student, and save its bundle if it is the best so far."""
+        """Validate the present student, and save its policy bundle if its result is the best of the run so far."""
         config = self._config
         policy = self._policy()
         results = validate(policy, config.validation, config.threads, config.hardware)
@@ -230,7 +245,7 @@ class Distillation:
         self._print(f"{self._label_count:>10,} labels, validation: {describe_validation(validations[-1])}")
 
     def _write_settings(self) -> list[str]:
-        """Write the settings of the run, and return notices for the user."""
+        """Write the settings of the run, and return messages for the user, one for each changed package version."""
         changed = write_settings(self._config, self._label_count, distillation_command(self._config))
         return [f"the result may differ from an uninterrupted run; {change}" for change in changed]
 
@@ -238,7 +253,7 @@ class Distillation:
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
 
     def _save_checkpoint(self) -> None:
-        """Write the latest bundle and a checkpoint."""
+        """Write the policy bundle of the present student, and a checkpoint."""
         self._save(self._policy(), LAST)
         state = DistillationState(**vars(self._state))
         state.seconds += time.monotonic() - self._start_time
@@ -246,7 +261,10 @@ class Distillation:
         checkpoint.save(self._config.folder / CHECKPOINTS, _capture(self._learner, self._label_count, state))
 
     def _restore(self, resumed: checkpoint.Checkpoint) -> None:
-        """Restore student, learner and labels from a checkpoint."""
+        """Restore progress, student, optimiser and labels from a checkpoint.
+
+        Raises UsageError if the checkpoint does not fit the settings of the run.
+        """
         try:
             self._state = decode(DistillationState, resumed.progress["remembered"])
             _restore_learner(self._learner, resumed)
@@ -256,7 +274,7 @@ class Distillation:
             self._labels.load(self._state.rounds)
 
     def _remaining(self) -> str:
-        """Return the time per round and the remaining time as text."""
+        """Return the estimated remaining time of the run as text."""
         elapsed = self._state.seconds + time.monotonic() - self._start_time
         per_round = elapsed / self._state.rounds
         return f"{format_duration((self._config.rounds - self._state.rounds) * per_round)} left"
@@ -269,13 +287,19 @@ _NETWORK = "network."
 
 
 def _capture(learner: Learner, steps: int, state: DistillationState) -> checkpoint.Checkpoint:
-    """Return a checkpoint with copies of the network and the moments of its optimiser."""
+    """Make a checkpoint with copies of the student's network and of the moments of its optimiser.
+
+    `steps` is the number of labels so far, and `state` the progress of the run.
+    """
     tensors = {_NETWORK + name: value for name, value in learner.network.state_dict().items()}
     tensors |= checkpoint.optimiser_tensors(learner.optimiser)
     return checkpoint.Checkpoint(checkpoint.copies(tensors), {"steps": steps, "remembered": vars(state)})
 
 
 def _restore_learner(learner: Learner, resumed: checkpoint.Checkpoint) -> None:
-    """Restore the network and the optimiser from a checkpoint; raise KeyError or RuntimeError if they do not fit."""
+    """Restore the network of the student and its optimiser from the checkpoint `resumed`.
+
+    Raises KeyError or RuntimeError if the checkpoint does not fit the network.
+    """
     learner.network.load_state_dict(checkpoint.with_prefix(resumed.tensors, _NETWORK))
     checkpoint.restore_optimiser(learner.optimiser, resumed.tensors)

@@ -1,4 +1,7 @@
-"""Student of a distillation: the network in PyTorch, its supervised learning, and its policy."""
+"""Student of a distillation: the network in PyTorch that imitates the teacher, and its supervised learning.
+
+The module also converts the trained network to a policy.
+"""
 
 import itertools
 from dataclasses import replace
@@ -20,34 +23,39 @@ from train.distillation.labels import LabelSampler
 from train.residual_env import FloatArray
 
 MIN_INPUT_STD = 0.02
-"""Smallest standard deviation in the standardisation of an input.
+"""Lower bound of the standard deviation of an input in the standardisation of the student's inputs.
 
-An input that is almost constant in the first labels would otherwise become huge when it changes later."""
+Otherwise an input that is almost constant in the first labels would become huge if it changes later."""
 MAX_GRADIENT_NORM = 1.0
-"""Largest norm of a gradient; longer ones are shortened to it."""
+"""Largest norm of the gradient of the student's loss; a larger gradient is scaled down to this norm."""
 
 
 def make_pose(robot: Robot) -> Stand:
-    """Make the base of the student's policy: the home pose, with the servo gains of `robot`."""
+    """Make the base policy of a student: it holds the home pose of `robot`, with the servo gains of `robot`.
+
+    The network of the student adds corrections to the joint angles of the home pose.
+    """
     return Stand(robot=robot.with_servo())
 
 
 def torque_unit_as_angle(robot: Robot) -> Floats:
-    """Return the change of a joint target that changes the servo torque by weight x leg length, (12,), rad.
+    """Return the change of each joint target that changes the servo torque by robot weight x leg length, (12,), rad.
 
-    An error of the targets or a noise on them disturbs robots of different size and stiffness equally if it is the same
-    fraction of this angle.
+    The angle is the unit of errors and noise of the joint targets. In this unit, equal errors disturb robots of
+    different size and stiffness equally.
     """
     angle: Floats = robot.mass * GRAVITY * robot.leg_length / robot.servo_stiffness
     return angle
 
 
 class StudentNetwork(nn.Module):
-    """Multilayer perceptron with ELU between the layers and standardised inputs.
+    """Network of the student: multilayer perceptron with ELU activations and standardised inputs.
+
+    The network computes the corrections of the joint targets from the features of a robot.
 
     Args:
-        widths: Widths of the layers, from the input to the output.
-        seed: Seed of the initial weights.
+        widths: Numbers of inputs, of units in each hidden layer, and of outputs.
+        seed: Seed of the random initial weights.
     """
 
     def __init__(self, widths: list[int], seed: int) -> None:
@@ -55,7 +63,8 @@ class StudentNetwork(nn.Module):
         generator = torch.Generator().manual_seed(seed)
         self.layers = [nn.Linear(a, b) for a, b in itertools.pairwise(widths)]
         """Linear layers, from the input to the output."""
-        self.linear = nn.ModuleList(self.layers)  # registers the parameters of the layers
+        # PyTorch finds the parameters of the layers only in a module list, not in the plain list `layers`.
+        self.linear = nn.ModuleList(self.layers)
         for layer in self.layers:
             bound = layer.in_features**-0.5
             nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
@@ -66,13 +75,13 @@ class StudentNetwork(nn.Module):
         self.std: torch.Tensor
 
     def standardise(self, inputs: FloatArray) -> None:
-        """Set mean and standard deviation of the inputs from samples, (m, k)."""
+        """Set mean and standard deviation of the k inputs, for their standardisation, from m samples, (m, k)."""
         self.mean.copy_(torch.from_numpy(inputs.mean(axis=0, dtype=np.float64).astype(np.float32)))
         std = inputs.std(axis=0, dtype=np.float64).astype(np.float32)
         self.std.copy_(torch.from_numpy(np.maximum(std, np.float32(MIN_INPUT_STD))))
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
-        """Return the corrections, (m, 12), for `inputs`, (m, k)."""
+        """Return the corrections of m samples, (m, 12), for their `inputs`, (m, k); they are not clipped."""
         values = (inputs - self.mean) / self.std
         for layer in self.layers[:-1]:
             values = nn.functional.elu(layer(values))
@@ -80,13 +89,19 @@ class StudentNetwork(nn.Module):
         return corrections
 
     def corrections(self, inputs: FloatArray) -> FloatArray:
-        """Return the corrections, (m, 12), clipped to [-1, 1], for `inputs`, (m, k)."""
+        """Return the corrections of m robots as NumPy array, (m, 12), for their `inputs`, (m, k).
+
+        The corrections are fractions of the largest correction of each joint, and clipped to the range -1 to 1.
+        """
         with torch.inference_mode():
             values: FloatArray = self(torch.from_numpy(inputs)).clamp_(-1.0, 1.0).numpy()
         return values
 
     def to_network(self) -> Network:
-        """Return the network of a bundle; the standardisation of the inputs is folded into its first layer."""
+        """Convert the student to the NumPy network of a policy bundle.
+
+        The standardisation of the inputs becomes part of the weights and biases of the first layer.
+        """
         weights = [_array(layer.weight).T for layer in self.layers]
         biases = [_array(layer.bias) for layer in self.layers]
         scale = 1.0 / _array(self.std)
@@ -104,11 +119,11 @@ def _array(tensor: torch.Tensor) -> NDArray[np.float64]:
 
 
 class Learner:
-    """Supervised learner of a student.
+    """Supervised learner of a student: fits the network to the labels of the teacher by gradient descent.
 
     Args:
-        network: Student.
-        fit: Settings of the learning.
+        network: Network of the student, which is changed.
+        fit: Settings of the supervised learning.
         robot: Robot, with the servo gains of the teacher.
         authority: Largest correction of each joint, (12,), rad.
     """
@@ -118,18 +133,21 @@ class Learner:
         self._fit = fit
         self.optimiser = torch.optim.AdamW(network.parameters(), fit.learning_rate, weight_decay=fit.weight_decay)
         self._scale = torch.from_numpy((authority / torque_unit_as_angle(robot)).astype(np.float32))
-        """Servo torque per correction, as a fraction of weight x leg length, (12,)."""
+        """Change of the servo torque of each joint per unit of its correction, (12,).
+
+        The torque is a fraction of robot weight x leg length. A correction of 1 is the largest correction."""
 
     def learn(self, sampler: LabelSampler, updates: int, final_rate: float | None = None) -> float:
-        """Learn from random minibatches.
+        """Update the network by gradient steps on random minibatches of labels.
 
         Args:
-            sampler: Sampler of labels.
-            updates: Gradient steps.
-            final_rate: Learning rate at the last step, reached by a cosine; None for a constant rate.
+            sampler: Sampler that draws the minibatches.
+            updates: Number of gradient steps.
+            final_rate: Learning rate at the last gradient step, to which the rate falls along a cosine; None for a
+                constant rate.
 
         Returns:
-            Mean loss of the last tenth of the steps.
+            Mean loss over the last tenth of the gradient steps; NaN if there are none.
         """
         losses = np.zeros(updates)
         for index in range(updates):
@@ -145,7 +163,10 @@ class Learner:
         return float(losses[-max(updates // 10, 1) :].mean()) if updates else float("nan")
 
     def _set_rate(self, fraction: float, final_rate: float | None) -> None:
-        """Set the learning rate after a `fraction` of the steps."""
+        """Set the learning rate for the gradient step after a `fraction` of all steps, 0 to 1.
+
+        `final_rate` is the learning rate at the fraction 1; None for a constant rate.
+        """
         rate = self._fit.learning_rate
         if final_rate is not None:
             rate = final_rate + 0.5 * (rate - final_rate) * (1.0 + float(np.cos(np.pi * fraction)))
@@ -154,21 +175,31 @@ class Learner:
 
 
 def student_inputs(config: DistillationConfig, frequency: float) -> Inputs:
-    """Return the inputs of the student in `config`, with a clock of the `frequency`, Hz, if they have no clock."""
+    """Return the inputs of the student's network besides the current observation, from the settings `config`.
+
+    If the settings have no clock, the inputs get a clock with the `frequency` of the teacher, Hz.
+
+    Args:
+        config: Settings of the distillation.
+        frequency: Step frequency of the teacher, Hz; 0 if the teacher has no gait clock.
+
+    Returns:
+        The inputs.
+    """
     return config.inputs if config.inputs.clock else replace(config.inputs, clock=frequency)
 
 
 def make_policy(config: DistillationConfig, robot: Robot, network: Network, inputs: Inputs) -> ResidualPolicy:
-    """Make the policy of the student: a network on the home pose.
+    """Make the policy of the student, in which the network adds corrections to the home pose.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the distillation.
         robot: Robot, with the servo gains of the teacher.
         network: Network of the student.
-        inputs: Additional inputs of the network.
+        inputs: Inputs of the network besides the current observation.
 
     Returns:
-        The policy.
+        The policy, which can be saved as a policy bundle.
     """
     authority = authority_of(robot, config.hip_authority, config.joint_authority)
     return ResidualPolicy(make_pose(robot), network, authority, "student", inputs)

@@ -1,4 +1,7 @@
-"""Teacher of a distillation: a policy that observes the true state of every robot."""
+"""Teacher of a distillation: the policy that a network learns to imitate.
+
+The teacher observes the true state of every robot, even if the observations of the network have noise and delay.
+"""
 
 import dataclasses
 from typing import Any
@@ -16,14 +19,15 @@ from train.training_robots import MultiScenarioVectorEnv
 
 
 def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) -> Policy:
-    """Make a new instance of the teacher.
+    """Make a new instance of the teacher, the policy that a student learns to imitate.
 
     The clock of a model-based teacher runs at a constant frequency, because the student has a constant clock. The
     teacher knows the motors of the hardware profile, but its observation is always the true state.
 
     Args:
-        config: Settings of the run.
-        on_hardware_profile: True for the robots on scenarios with the hardware profile.
+        config: Settings of the distillation.
+        on_hardware_profile: True to make the teacher for scenarios with the robot's hardware profile, which are the
+            motors, delays and sensors of the real robot.
 
     Returns:
         The teacher.
@@ -44,17 +48,20 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
 
 
 def clock_frequency(teacher: Policy) -> float:
-    """Return the step frequency of a teacher, Hz; 0 if it has no gait clock."""
+    """Return the step frequency of the gait of a `teacher`, Hz; 0 if the teacher has no gait clock."""
     gait = teacher.base if isinstance(teacher, ResidualPolicy) else teacher
     return gait.frequency if isinstance(gait, GaitedPolicy) else 0.0
 
 
 class PrivilegedTeacher:
-    """Teacher of n robots: one policy for the robots without the hardware profile, one for the robots with it.
+    """Teacher of n robots that observes their true states.
+
+    It consists of two policies. One controls the robots on scenarios with the robot's hardware profile, which are the
+    motors, delays and sensors of the real robot. The other controls the robots on all other scenarios.
 
     Args:
-        config: Settings of the run.
-        robots: Robots, ordered by batches.
+        config: Settings of the distillation.
+        robots: Vector environment of the n robots.
     """
 
     def __init__(self, config: DistillationConfig, robots: MultiScenarioVectorEnv) -> None:
@@ -72,12 +79,12 @@ class PrivilegedTeacher:
             policy.check_compatible(robots.robot, robots.dt)
 
     def reset(self) -> None:
-        """Reset the teacher for all robots."""
+        """Reset the state of the teacher for all robots, at the start of new episodes."""
         for policy, rows in self._groups:
             policy.reset(int(rows.sum()))
 
     def reset_where(self, mask: BoolArray) -> None:
-        """Reset the teacher for the robots where `mask`, (n,), is True."""
+        """Reset the state of the teacher for the robots for which `mask`, (n,), is True."""
         for policy, rows in self._groups:
             policy.reset_where(mask[rows])
 

@@ -1,1 +1,4 @@
-"""Search of policy parameters by CMA-ES: the algorithm, trials and costs, and a search of a trot."""
+"""Search of policy parameters by the evolution strategy CMA-ES.
+
+The package contains the search algorithm, the simulated trials with their costs, and the search of a trot.
+"""

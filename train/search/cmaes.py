@@ -52,7 +52,7 @@ class SearchOptions:
     seed: int = parameter(0, limits=(0, 2**31))
     """Seed of the search: of CMA-ES and of the episodes."""
     generations: int = parameter(14, limits=(0, 10_000))
-    """Number of generations of CMA-ES; with 0 the start parameters are only finished, compared and written."""
+    """Number of generations of CMA-ES; with 0 the start parameters are only completed, compared and written."""
     candidates: int = parameter(14, limits=(4, 1000))
     """Number of parameter sets (candidates) per generation."""
     episodes: int = parameter(10, limits=(1, 10_000))
@@ -147,7 +147,7 @@ def encode(parameters: Parameters, ranges: Ranges) -> Floats:
 
 
 def round_parameters(parameters: P) -> P:
-    """Return the parameters of a policy, each rounded to four decimals."""
+    """Return a copy of the parameters of a policy in which each number is rounded to four decimals."""
     return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
@@ -227,7 +227,7 @@ def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[
 
 
 def parameters_to_json(parameters: Any) -> str:
-    """Return the text of a JSON file with the parameters of a policy, a dataclass."""
+    """Return the parameters of a policy, which are a dataclass, as the text of a JSON file."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 
 

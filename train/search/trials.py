@@ -1,4 +1,7 @@
-"""Trials of a search: simulates many candidates on many scenarios, and computes their costs."""
+"""Trials of a parameter search: simulates a policy with many candidate parameters, and computes their costs.
+
+A candidate is a set of policy parameters. All candidates walk the same episodes on the same scenarios.
+"""
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing

@@ -36,7 +36,7 @@ from train.search.cmaes import (
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
-"""Names of the default scenarios of the trot search.
+"""Names of the scenarios on which the trot search simulates the candidates by default.
 
 The linear response of the gait to velocity commands is measured on the first scenario."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
@@ -74,8 +74,8 @@ class TrotSearchOptions(SearchOptions):
     """Policy with the searched parameters; trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
-    # The lower limits are MIN_INTERVALS // 2, because an episode has two command intervals and the fit of the linear
-    # response needs MIN_INTERVALS of them.
+    # At least MIN_INTERVALS // 2 episodes must be given for `episodes` and `check_episodes`, because an episode has two
+    # command intervals, and the fit of the linear response to commands needs MIN_INTERVALS command intervals.
     episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
     """Number of episodes per candidate, scenario and generation."""
     check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
