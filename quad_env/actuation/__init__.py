@@ -1,1 +1,1 @@
-"""Actuators of the joints: parameters, models that run in every physics step, and hardware profiles."""
+"""Joint actuators: their parameters, simulated motor models, and the hardware profile of each robot."""

@@ -1,4 +1,7 @@
-"""Hardware profile of a robot: realistic motors, sensors and estimator; see `Scenario.hardware`."""
+"""Choice of the hardware profile of each robot: realistic motors, delays, sensors and state estimator.
+
+A simulated robot has its hardware profile if the field `Scenario.hardware` of its scenario is True.
+"""
 
 import math
 from dataclasses import replace
@@ -10,14 +13,17 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DELAY = 0.005
-"""Delay from the policy to the servos, rounded up to whole physics steps, s. Sensors have further delays."""
+"""Time from the output of a joint target by the policy to its effect on the servo, s.
+
+`hardware_profile` rounds this time up to whole physics steps. The sensors add their own delays.
+"""
 SENSORS = "typical"
 """Sensor suite of the hardware profile, a name in `quad_env.SENSORS`; it delays every sensor by one control step."""
 ESTIMATOR = "kalman"
 """State estimator of the hardware profile, a name in `quad_env.ESTIMATORS`.
 
-It was chosen because it gave more successful validation episodes under pushes than the estimator `complementary`, and
-as many on rough ground.
+It was chosen because policies succeeded in more validation episodes under pushes than with the estimator
+`complementary`. On rough ground, they succeeded in equally many episodes.
 """
 # The source of the peak torques and speeds is unitreerobotics/unitree_ros, go1_description and go2_description,
 # xacro/const.xacro. The linkage of the calf multiplies the torque by 1.5.
@@ -27,12 +33,13 @@ _GO = TorqueSpeed(stall_torque=(36.7, 36.7, 55.1), no_load_speed=(30.1, 30.1, 20
 CURVES = {"go1": _GO, "go2": _GO}
 """Name of a robot -> published torque-speed curve of its hip, thigh and calf motors.
 
-All other robots have a straight line from the rated torque at standstill to 0 at the rated speed.
+For all other robots, the torque limit falls along a straight line: from the rated torque at standstill to 0 at the
+rated speed.
 """
 
 
 class HardwareProfile(NamedTuple):
-    """Realistic motors, sensors and estimator of a robot, as values of the arguments of an environment."""
+    """Realistic motors, sensors and state estimator of a robot, as values for the arguments of `gym.make`."""
 
     actuator: Actuator
     sensors: str
@@ -46,8 +53,8 @@ def hardware_profile(robot: Robot) -> HardwareProfile:
     """Return the hardware profile of a `robot`: realistic motors, sensors and state estimator.
 
     SimpleQuad has the motor `ACTUATORS["motor"]` with 100 N·m and 10 rad/s, as in the article on the robot. Other
-    robots have motors with the same bandwidth. The windings of these motors stay cold, because no manufacturer
-    publishes thermal parameters.
+    robots have motors with the same bandwidth. The motors of the other robots have no thermal model, because no
+    manufacturer publishes thermal parameters.
     """
     timestep = float(robot.model.opt.timestep)
     motor = ACTUATORS["motor"]

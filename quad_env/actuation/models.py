@@ -1,8 +1,8 @@
 """Parameters of the joint actuators (servo motors), in physical units at the joint, after the gear.
 
-The argument `actuator` of `gym.make` selects an actuator. The ideal servo receives its target immediately, and
-`Motors.torque_limit` is its only limit. If an actuator and the `Motors` of a scenario limit the same quantity, the
-smaller limit applies. The delay of an actuator is added to the `Latency` of the scenario.
+The argument `actuator` of `gym.make` selects an actuator. The ideal servo receives its target immediately, and its only
+limit is the torque limit of the scenario, `Motors.torque_limit`. If an actuator and the `Motors` of a scenario limit
+the same quantity, the smaller limit applies. The delay of an actuator is added to the `Latency` of the scenario.
 """
 
 import math
@@ -17,7 +17,10 @@ from quad_env.robots.robot import JOINTS, Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 MAX_SETTLING_ERROR = 0.01
-"""Remaining error at which a first-order filter counts as settled, as a fraction of the target change."""
+"""Remaining error at which a first-order filter counts as settled, as a fraction of the target change.
+
+It determines the number of past joint targets that `Actuator.target_weights` takes into account.
+"""
 JointValues = Positive | tuple[Positive, ...] | None
 """Motor parameter of the joints: one value for all joints, three for hip, thigh and calf of every leg, or twelve.
 
@@ -30,11 +33,11 @@ class TorqueSpeed(Settings):
     """Torque-speed curve of a DC motor at constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed).
 
     τ is the torque and ω the speed of the joint. The same limit applies with the signs of torque and speed reversed. A
-    parameter is one number for all joints, three numbers for hip, thigh and calf, or twelve.
+    parameter is one number for all joints, three numbers for hip, thigh and calf of every leg, or twelve numbers.
 
     A winding of resistance R and motor constant K at a voltage v has the torque τ = K (v − K ω) / R (MuJoCo DC Motor
-    Model, equation 2). The voltage is limited to ±V. The limit at v = V is a straight line through all four quadrants
-    of torque and speed. A braking motor could exceed the stall torque, but the current limit of the drive keeps the
+    Model, equation 2). The drive limits the voltage v to ±V. The torque limit at v = V is a straight line over ω, for
+    driving and for braking. A braking motor could exceed the stall torque, but the current limit of the drive keeps the
     torque within ±peak_torque. Above the no-load speed the motor can only brake, with at least the torque of the line.
     """
 
@@ -63,18 +66,18 @@ class ResolvedTorqueSpeed(NamedTuple):
     """Torque-speed curve of every joint of a robot; `TorqueSpeed.resolve` returns it."""
 
     stall_torque: Array
-    """Torque limit of each joint at standstill by the voltage, (12,), N·m."""
+    """Torque limit of each joint at standstill, given by the largest voltage of its drive, (12,), N·m."""
     no_load_speed: Array
-    """Speed of each joint at which the torque limit by the voltage is 0, (12,), rad/s."""
+    """Speed of each joint at which the largest voltage of its drive gives no torque, (12,), rad/s."""
     peak_torque: Array
-    """Torque of each joint at the current limit, (12,), N·m."""
+    """Torque limit of each joint at every speed, given by the largest current of its drive, (12,), N·m."""
 
     @property
     def slope(self) -> Array:
-        """Decrease of the torque limit per speed, (12,), N·m·s/rad.
+        """Decrease of each joint's torque limit per unit of joint speed, (12,), N·m·s/rad.
 
-        The slope is K²/R, with the motor constant K and the resistance R of the winding. The winding has the heat loss
-        τ² / slope, W, at the torque τ.
+        The slope is K²/R, with the motor constant K and the resistance R of the winding. At the torque τ, the winding
+        has the heat loss τ² / slope, W.
         """
         return self.stall_torque / self.no_load_speed
 
@@ -156,17 +159,19 @@ class Actuator(Settings):
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
     def target_weights(self, timestep: float, period: float) -> Array:
-        """Compute the weights of the last joint targets in the mean target that the motor follows.
+        """Compute the weights with which the last k joint targets enter the target that a motor follows.
 
-        The mean is over a control period. A motor follows the output of the low-pass filter at the start of each
-        physics step, so that earlier targets have an influence too.
+        A motor follows a weighted mean of the newest and earlier targets, because of its delay and its low-pass filter.
+        The weights are averaged over one control period. In each physics step, the motor follows the filter output at
+        the start of the step.
 
         Args:
             timestep: Physics step, s.
             period: Control period, s.
 
         Returns:
-            Weights with sum 1, (k,): first the target of this control period, then earlier targets, newest first.
+            Weights with sum 1, (k,). The first weight belongs to the target of this control period, the next weights
+            belong to earlier targets, newest first.
         """
         steps = round(period / timestep)
         delay_steps = round(self.delay / timestep)
@@ -180,16 +185,16 @@ class Actuator(Settings):
 
 
 IDEAL = Actuator()
-"""Ideal servo; the torque limit is its only limit."""
+"""Ideal servo: it has no delay and no low-pass filter, and its torque limit does not depend on the speed."""
 ACTUATORS = {
     "ideal": IDEAL,
     "torque_speed": Actuator(TorqueSpeed()),
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
-"""Name of a built-in actuator -> actuator.
+"""Name of a built-in actuator -> its parameters.
 
-The bandwidth of the actuator `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024). Its delay,
-2 ms, is one cycle of a 500 Hz field bus.
+The bandwidth of the actuator `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024). The delay
+of this actuator, 2 ms, is one cycle of a 500 Hz field bus.
 """
 
 

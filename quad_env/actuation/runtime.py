@@ -1,4 +1,4 @@
-"""Actuator models of n robots: action delay, dropouts, low-pass filter and motor temperature."""
+"""Models of the joint actuators of n robots: delay, dropouts, low-pass filter and motor temperature."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -32,12 +32,15 @@ class ActionDelay:
         self._home = robot.home_pose
         self._delay_steps = np.zeros(num_envs, np.int64)
         self._target_buffer = np.zeros((_max_delay_steps(scenario, dt) + 1, num_envs, robot.num_joints))
-        """Ring buffer of past joint targets, (length, n, 12), rad; targets of control step c are at c modulo length."""
+        """Ring buffer of past joint targets of n robots, (length, n, 12), rad.
+
+        The targets of control step c are at the index c modulo length.
+        """
         self._delayed_targets = np.zeros((num_envs, robot.num_joints))
         self._dropout_start = np.zeros((num_envs, dropout_count), np.int64)
-        """First control step of each dropout in the present episode of each robot, (n, dropouts)."""
+        """First control step of each dropout in the present episode of each of n robots, (n, dropouts)."""
         self._dropout_steps = 0 if dropouts is None else control_steps(dropouts.duration, dt)
-        """Duration of a dropout, control steps."""
+        """Duration of a dropout, in which a joint receives no new targets, control steps."""
         self._dropout_joint = np.zeros((num_envs, dropout_count), np.int64)
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
@@ -59,8 +62,8 @@ class ActionDelay:
 
         Args:
             targets: Joint targets of the policies, (n, 12), rad.
-            clock: Control steps of the selected robots since the start of their episodes, (k,).
-            env_ids: Indices of the selected robots, (k,); the other robots keep their delayed targets.
+            clock: Number of control steps since the start of the episode, for each of k selected robots, (k,).
+            env_ids: Indices of the k selected robots, (k,); the other robots keep their delayed targets.
 
         Returns:
             Delayed targets of all robots, (n, 12), rad.
@@ -75,9 +78,9 @@ class ActionDelay:
         return self._delayed_targets
 
     def _dropout_mask(self, clock: NDArray[np.int64], env_ids: EnvIndices) -> Mask:
-        """Return True for each joint that receives no target in this control step, (k, 12).
+        """Return True for each joint of k robots that receives no new target in this control step, (k, 12).
 
-        `clock` are the control steps of the robots `env_ids` since the start of their episodes, (k,).
+        `clock` is the number of control steps since the start of the episode, for each robot in `env_ids`, (k,).
         """
         elapsed = clock[:, None] - self._dropout_start[env_ids]
         mask = np.zeros((len(env_ids), self._delayed_targets.shape[1]), np.bool_)
@@ -105,7 +108,7 @@ def make_action_delay(robot: Robot, scenario: Scenario, num_envs: int, dt: float
 
 
 def _max_delay_steps(scenario: Scenario, dt: float) -> int:
-    """Return the longest possible action delay in a scenario, in control steps of `dt` seconds."""
+    """Return the longest possible delay of joint targets in `scenario`, in control steps of `dt` seconds."""
     latency = 0.0 if scenario.latency is None else scenario.latency.action
     randomised = 0.0 if scenario.randomisation is None else scenario.randomisation.delay
     return round(latency / dt) + round(randomised / dt)
@@ -114,8 +117,8 @@ def _max_delay_steps(scenario: Scenario, dt: float) -> int:
 class FirstOrderFilter:
     """First-order low-pass filter of the joint targets of n robots.
 
-    The discretisation is exact if the targets are constant over a physics step, as in MuJoCo's `filterexact`. A motor
-    receives the filter output that belongs to the start of the physics step.
+    The filter output is exact if the targets are constant over a physics step, as with MuJoCo's `filterexact`. In each
+    physics step, a motor receives the filter output at the start of the step.
 
     Args:
         bandwidth: Corner frequency of the filter, Hz.
@@ -130,7 +133,7 @@ class FirstOrderFilter:
         self._value = np.tile(home, (num_envs, 1))
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Set the filter output of the robots `env_ids` to the home pose."""
+        """Set the filter output of the robots with the indices `env_ids` to the home pose."""
         self._value[env_ids] = self._home
 
     def update(self, targets: Array, env_ids: EnvSelection) -> Array:
@@ -149,11 +152,11 @@ class FirstOrderFilter:
 
 
 class MotorThermalModel:
-    """First-order model of the motors' winding temperatures, and of the torque limits, of n robots.
+    """First-order thermal model of the motors of n robots; it lowers the torque limit of a hot motor.
 
     `Thermal` documents the equations. The thermal model of MuJoCo 4.0's `dcmotor` is not used, because it computes the
-    heat from the current before the force range limits the torque. A motor that is switched off does not carry this
-    current.
+    heat from the current before the force range limits the torque. A motor that is switched off would then be heated
+    by a current that it does not carry.
 
     Args:
         thermal: Thermal parameters of the motor windings.
@@ -165,18 +168,21 @@ class MotorThermalModel:
     def __init__(self, thermal: Thermal, curve: ResolvedTorqueSpeed, timestep: float, force_range: Array) -> None:
         self._thermal = thermal
         self._temperature_per_torque2 = thermal.resistance / curve.slope
-        """Steady-state temperature rise of the winding per squared torque, (12,), K/(N·m)²."""
+        """Steady-state temperature rise of each motor's winding, divided by its squared torque, (12,), K/(N·m)²."""
         self._decay = math.exp(-timestep / thermal.time_constant)
-        """Fraction of a temperature difference that remains after a physics step."""
+        """Factor with which a physics step reduces the difference of a winding from its steady-state temperature."""
         self._force_range = force_range
         self.full_range = force_range.copy()
-        """Lower and upper torque limits of cold motors, (n, 12, 2), N·m; changes take effect at the next reset."""
+        """Lower and upper torque limits of each motor of n robots when it is cold, (n, 12, 2), N·m.
+
+        Changes of this array take effect at the next reset.
+        """
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
-        """Winding temperature of each motor, (n, 12), °C."""
+        """Winding temperature of each motor of n robots, (n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Set the motors of the robots `env_ids` to the ambient temperature and to their full torque limits."""
+        """Set the motors of the robots `env_ids` to the ambient temperature and to the limits in `full_range`."""
         self.temperature[env_ids] = self._thermal.ambient
         self._is_off[env_ids] = False
         self._force_range[env_ids] = self.full_range[env_ids]
@@ -230,7 +236,8 @@ def make_thermal_model(
         robot: Robot with the motors.
         actuator: Model of the joint servos.
         timestep: Physics step, s.
-        expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
+        expand: Function that takes the name of a field of `mujoco.MjModel`. It gives every robot its own values of this
+            field, and returns them as an array with one row per robot, (n, ...).
 
     Returns:
         The thermal model; None if the actuator has no thermal model.

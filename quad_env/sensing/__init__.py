@@ -1,1 +1,1 @@
-"""Models of the robot's sensors, and observations from the sensors instead of the simulator's state."""
+"""Simulated sensors, state estimators, and observations from the true state or from the sensors."""

@@ -32,12 +32,12 @@ from quad_env.robots.robot import Robot
 TILT_TIME = 2.0
 """Time constant with which the accelerometer corrects the gravity vector that the gyroscope integrates, s.
 
-Of 1, 2 and 4 s, 4 s is best if the sensors have no biases.
+Of 1, 2 and 4 s, the largest value is best for sensors without biases.
 """
 VELOCITY_TIME = 0.1
 """Time constant with which leg odometry corrects the integrated acceleration, s.
 
-Of 0.02, 0.05, 0.1, 0.2 and 0.4 s, 0.1 s was best in a trot.
+Of 0.02, 0.05, 0.1, 0.2 and 0.4 s, this value was best in a trot.
 """
 
 
@@ -45,29 +45,30 @@ class AlignedReadings(NamedTuple):
     """Sensor readings of k robots that were all taken at the same time; the input of the estimators."""
 
     gyro: Array
-    """Gyroscope reading: angular velocity, base frame, (k, 3), rad/s."""
+    """Angular velocity that the gyroscopes of k robots read, base frame, (k, 3), rad/s."""
     accelerometer: Array
-    """Accelerometer reading: specific force, base frame, (k, 3), m/s²."""
+    """Specific force that the accelerometers of k robots read, base frame, (k, 3), m/s²."""
     joints: Array
-    """Joint angles, (k, 12), rad."""
+    """Joint angles that the encoders of k robots read, (k, 12), rad."""
     previous_joints: Array
-    """Joint angles one encoder sample earlier, (k, 12), rad."""
+    """Joint angles in the encoder sample before `joints`, for each of k robots, (k, 12), rad."""
     sustained_contact: Mask
-    """True for feet that read contact in both this sample and the previous sample of the foot sensors, (k, 4)."""
+    """True for each foot of k robots that reads contact in this and in the previous foot sensor sample, (k, 4)."""
     contact: Mask
-    """True for feet that read contact in this sample of the foot sensors, (k, 4)."""
+    """True for each foot of k robots that reads contact in this sample of the foot sensors, (k, 4)."""
     has_new_angles: Mask
-    """True for robots with an encoder sample that is newer than in the last control step, (k,)."""
+    """True for each of k robots that has got a new encoder sample since the last control step, (k,)."""
 
     def select(self, mask: Mask) -> "AlignedReadings":
-        """Return only the readings of the robots where `mask`, (k,), is True."""
+        """Return only the readings of the robots for which `mask`, (k,), is True."""
         return AlignedReadings._make(readings[mask] for readings in self)
 
 
 class ComplementaryFilter:
     """Complementary filter that estimates gravity and velocity of n robots in the base frame.
 
-    The estimates refer to the time of the readings, which is earlier than the present time by the longest sensor delay.
+    The estimates belong to the time of the readings, which is earlier than the present time by the longest sensor
+    delay.
 
     Args:
         robot: Geometry of the robots.
@@ -94,9 +95,9 @@ class ComplementaryFilter:
         """Reset the estimates of robots that stand still at the start of an episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             specific_force: Mean accelerometer reading while the robots stand still, base frame, (k, 3), m/s².
-            readings: First readings of the k robots.
+            readings: First sensor readings of the episode, of the k robots.
         """
         self.gravity[env_ids] = -unit(specific_force)
         self.velocity[env_ids] = 0.0
@@ -128,8 +129,9 @@ class ComplementaryFilter:
     ) -> Array:
         """Correct the velocity by leg odometry, and return it, base frame, (k, 3), m/s.
 
-        The velocity stays unchanged if no foot is in contact. All vectors are in the base frame, (k, 3): `velocity`,
-        m/s, `acceleration`, m/s², `angular_velocity`, rad/s, and the unit vector of gravity.
+        The velocity of a robot stays unchanged if none of its feet is in contact. All vectors of the k robots are in
+        the base frame, (k, 3): trunk `velocity`, m/s, `acceleration`, m/s², `angular_velocity`, rad/s, and the unit
+        vector of `gravity`.
         """
         period = self._encoder_period
         leg_velocity, is_known = leg_odometry_velocity(self._robot, readings, angular_velocity, gravity, period)
@@ -176,8 +178,8 @@ def leg_odometry_velocity(
 def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
     """Compute the angular velocity of each calf midway between two samples, base frame, (k, 4, 3), rad/s.
 
-    `joints` and `previous_joints` are joint angles, (k, 4, 3), rad, `period` apart, s. `angular_velocity` belongs to
-    the trunk, base frame, (k, 3), rad/s.
+    `joints` and `previous_joints` are the joint angles of k robots in the two samples, (k, 4, 3), rad. The time between
+    the samples is `period`, s. `angular_velocity` is the angular velocity of the trunk, base frame, (k, 3), rad/s.
     """
     speed = (joints - previous_joints) / period
     hip = 0.5 * (joints + previous_joints)[..., 0]
@@ -188,7 +190,7 @@ def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_veloci
 
 
 def unit(vectors: Array) -> Array:
-    """Scale each of the `vectors`, (…, 3), to length 1, and return them."""
+    """Divide each of the `vectors`, (…, 3), by its length, and return the unit vectors."""
     x = vectors[..., 0]
     y = vectors[..., 1]
     z = vectors[..., 2]

@@ -1,4 +1,4 @@
-"""Selection of a state estimator (of gravity, velocity and gyroscope bias) by its name."""
+"""Creation of a state estimator by its name; estimators compute gravity, velocity and gyroscope bias."""
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
@@ -9,9 +9,9 @@ from quad_env.sensing.suite import SENSORS, SensorSuite
 COMPLEMENTARY = "complementary"
 KALMAN = "kalman"
 ESTIMATORS = (COMPLEMENTARY, KALMAN)
-"""Valid values of the argument `estimator` of an environment; the first value is the default."""
+"""Valid values of the argument `estimator` of `gym.make`; the first value is the default."""
 Estimator = ComplementaryFilter | KalmanFilter
-"""State estimator of n robots; its `update` advances the estimates by one control period."""
+"""Class of a state estimator of n robots, which estimates gravity, velocity and gyroscope bias."""
 
 
 def check_estimator(name: str, suite: SensorSuite | None) -> None:

@@ -1,4 +1,4 @@
-"""Height scan, an observation of the ground heights around the robot: settings and sensor simulation."""
+"""Height scan: settings and simulation of a sensor that measures the ground heights around a robot."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ Count = Annotated[int, Bounds("at least 0", 0)]
 MAX_POINTS = 10_000
 """Maximum number of grid points of a height scan, which limits the size of the observation."""
 _SCALE = 2.5
-"""Factor that learners multiply the scan values by, 1/m; a trunk 0.4 m above the ground then gives -1."""
+"""Factor with which learners multiply the scan values, 1/m; a trunk 0.4 m above the ground then gives -1."""
 
 
 @dataclass(frozen=True)
@@ -133,10 +133,10 @@ class Scanner:
         self._noise = Noise(num_envs, np.full(width, std, np.float32)) if std else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the noise of robots that start a new episode.
+        """Restart the noise of the height scan for k robots that start a new episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
         if self._noise is not None:
@@ -148,8 +148,8 @@ class Scanner:
 
         Args:
             state: Present state of k robots.
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
             Ground heights at the p grid points relative to the trunk's centre, (k, p), m.
@@ -163,7 +163,11 @@ class Scanner:
         return self._channel.value(clock, env_ids).astype(np.float32)
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
-        """Return new samples of the robots `env_ids`, which are at `rows` of the state, (k, p), m."""
+        """Return the ground heights at p grid points of k robots relative to the trunk's centre, (k, p), m.
+
+        The heights include the noise and are clipped to ±2 m. `env_ids` are the indices of the k robots, and `rows`
+        their rows in `state`. `clock` is the number of control steps since the start of each robot's episode, (k,).
+        """
         heights = relative_ground_heights(self._points, self._terrain, state, rows)
         if self._noise is not None:
             heights += self._noise.at(clock // self._channel.period, env_ids)

@@ -54,34 +54,36 @@ class KalmanParameters:
     """
 
     gyro_interpolation_noise: float = 0.35
-    """Std of the mean angular velocity of a control period, divided by the change of the gyroscope reading in it.
+    """Standard deviation of the mean angular velocity in a control period, as a fraction of the gyroscope's change.
 
+    The change is the difference between the gyroscope readings at the end and at the start of the control period.
     A larger value makes the filter trust the attitude less while the angular velocity of the trunk changes.
     """
     accelerometer_scale_noise: float = 0.01
-    """Std of the accelerometer reading (specific force), as a fraction of the trunk's acceleration.
+    """Standard deviation of the accelerometer reading, as a fraction of the trunk's acceleration.
 
     This noise covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value
     makes the filter trust the accelerometer less during hard impacts.
     """
     lever_arm_noise_gain: float = 0.5
-    """Fraction of the IMU's distance from the trunk's centre that counts as noise in each sample.
+    """Fraction of the IMU's distance from the trunk's centre that is treated as noise in each sample.
 
     The velocity of the IMU relative to the trunk's centre averages out over a stride. A larger value makes the filter
     trust the accelerometer less while the trunk turns.
     """
     contact_velocity_std: float = 0.015
-    """Std of the velocity of a stance foot along each axis, m/s.
+    """Standard deviation of the velocity of a stance foot along each axis, m/s.
 
     A larger value makes the velocity estimate follow the legs less.
     """
     encoder_offset_noise_gain: float = 8.0
-    """Factor on the std of the foot position noise that the zero offsets of the encoders cause.
+    """Factor on the standard deviation of the foot position noise that the zero offsets of the encoders cause.
 
-    The factor is above 1, because the error is nearly constant during a stance phase and so does not average out.
+    The factor is above 1, because this error is nearly constant during a stance phase and therefore does not average
+    out.
     """
     touchdown_velocity_std: float = 1.2
-    """Std of the vertical velocity of a foot at touchdown, m/s.
+    """Standard deviation of the vertical velocity of a foot at touchdown, m/s.
 
     Soft ground sinks under a new contact and rises again. A larger value makes the filter ignore the height of a new
     contact for longer.
@@ -89,17 +91,18 @@ class KalmanParameters:
     touchdown_noise_decay: float = 0.013
     """Time constant of the exponential decay of `touchdown_velocity_std` after a touchdown, s."""
     ground_compliance: float = 2e-4
-    """Std of the vertical motion of a stance foot, m, per change of the accelerometer reading, m/s²; unit s².
+    """Standard deviation of a stance foot's vertical motion, m, per change of the accelerometer reading, m/s².
 
-    In every stance phase, a foot under several times its static load sinks and rises again. A larger value makes the
-    filter trust the foot heights less while the load changes.
+    The unit is s². In every stance phase, the load of a foot rises to several times its static load, so that the foot
+    sinks and rises again. A larger value makes the filter trust the foot heights less while the load changes.
     """
     swing_horizontal_velocity_std: float = 30.0
-    """Std of the velocity of a swing foot along the ground, m/s.
+    """Standard deviation of the velocity of a swing foot along the ground, m/s.
 
-    Swing feet move forward on average, and fast after a push. The std is large so that swing feet do not bias the
-    velocity estimate. The vertical std is `ContactParameters.swing_speed`, which is smaller because a foot that rises
-    comes down again. The smaller value keeps the vertical velocity accurate if the ground lifts the stance feet.
+    Swing feet move forward on average, and fast after a push. The value is large so that swing feet do not bias the
+    velocity estimate. The standard deviation of the vertical velocity is `ContactParameters.swing_speed`, which is
+    smaller because a foot that rises comes down again. The smaller value keeps the vertical velocity accurate if the
+    ground lifts the stance feet.
     """
     slip_innovation_gain: float = 4.0
     """Factor on the extra position variance of a stance foot that is farther from its prediction than expected.
@@ -108,24 +111,28 @@ class KalmanParameters:
     innovation minus its expected value, divided by 3. A larger factor makes the filter trust slipping feet less.
     """
     accelerometer_bias_random_walk: float = 0.014
-    """Std of the random walk of the accelerometer bias, m/s² per √s.
+    """Standard deviation of the random walk of the accelerometer bias, m/s² per √s.
 
     This noise covers unmodelled errors that look like a changing bias.
     """
     slip_velocity_inflation: float = 0.05
-    """Std that a moving foot in contact adds to the trunk velocity in each sample, as a fraction of its speed.
+    """Velocity noise that a foot adds if it reads contact but seems to move, as a fraction of its speed.
 
-    This noise applies to feet that read contact for longer than `min_contact_duration` but seem to move. In this case
-    the estimated velocity of the trunk may be wrong, and the foot may be at rest.
+    It is the standard deviation of noise that is added to the trunk's velocity in each sample. It applies to feet that
+    have read contact for longer than `min_contact_duration`. The foot may in fact be at rest, while the estimated
+    velocity of the trunk is wrong.
     """
     min_contact_duration: float = 0.025
     """Duration of an uninterrupted contact reading after which `slip_velocity_inflation` applies to a foot, s."""
     initial_velocity_std: float = 0.2
-    """Std of the trunk velocity along each axis at the start of an episode, m/s."""
+    """Standard deviation of the trunk velocity along each axis at the start of an episode, m/s."""
     acceleration_extrapolation_gain: float = 0.8
-    """Fraction of the last change of the acceleration that is added to it over the delay of the readings."""
+    """Fraction of the trunk acceleration's last change that is added to predict the acceleration until now.
+
+    The prediction covers the delay of the sensor readings, see `KalmanFilter.extrapolate`.
+    """
     missing_sample_std: float = 1e3
-    """Std of the joint angles in a control step that has no new encoder sample, rad.
+    """Standard deviation of the joint angles in a control step that has no new encoder sample, rad.
 
     The value is very large, so that old angles do not change the estimate.
     """
@@ -141,84 +148,87 @@ class SensorErrors(NamedTuple):
     """
 
     gyro: float
-    """Std of the white noise of the gyroscope, rad/s."""
+    """Standard deviation of the white noise of the gyroscope, rad/s."""
     gyro_bias: float
-    """Std of the bias of the gyroscope over episodes, rad/s."""
+    """Standard deviation of the gyroscope's bias over episodes, rad/s."""
     accelerometer: float
-    """Std of the white noise of the accelerometer, m/s²."""
+    """Standard deviation of the white noise of the accelerometer, m/s²."""
     accelerometer_bias: float
-    """Std of the bias of the accelerometer over episodes, m/s²."""
+    """Standard deviation of the accelerometer's bias over episodes, m/s²."""
     angle: float
-    """Std of the noise and the rounding error of an encoder sample, rad."""
+    """Standard deviation of the sum of noise and rounding error in an encoder sample, rad."""
     zero: float
-    """Std of the zero offset of an encoder over episodes, rad."""
+    """Standard deviation of an encoder's zero offset over episodes, rad."""
     lever: float
-    """Root mean square of the IMU's position error along each axis, m."""
+    """Root mean square of the three components of the IMU's position error, m."""
     mounting: float
-    """Root mean square of the IMU's mounting error about each axis, rad."""
+    """Root mean square of the three angles of the IMU's mounting error, rad."""
 
 
 class FootContactState(NamedTuple):
     """Estimated contact of each foot of n robots at the last sample."""
 
     probability: Array
-    """Contact probability, (n, 4)."""
+    """Probability that each foot of n robots is in contact with the ground, (n, 4)."""
     stance_time: Array
-    """Time since touchdown, weighted by the contact probability, (n, 4), s."""
+    """Time since touchdown of each foot of n robots, weighted by the contact probability, (n, 4), s."""
     reading_time: Array
-    """Time for which the foot's force sensor has read contact without interruption, (n, 4), s."""
+    """Time for which each foot's force sensor has read contact without interruption, for n robots, (n, 4), s."""
     jacobians: Array
-    """Jacobian of the foot position with respect to the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
+    """Jacobian of each foot's position with respect to its leg's joint angles, base frame, (n, 4, 3, 3), m/rad.
+
+    The dimensions are n robots, four legs, the coordinates x, y, z, and the hip, thigh and calf angles.
+    """
 
 
 class PreviousSample(NamedTuple):
     """Sensor readings of n robots at the last sample, and accelerations that follow from the readings."""
 
     gyro: Array
-    """Gyroscope reading, base frame, (n, 3), rad/s."""
+    """Angular velocity that the gyroscopes of n robots read, base frame, (n, 3), rad/s."""
     joints: Array
-    """Joint angles, (n, 4, 3), rad."""
+    """Hip, thigh and calf angle of each leg of n robots, from the encoders, (n, 4, 3), rad."""
     specific_force: Array
-    """Accelerometer reading minus the estimated bias, base frame, (n, 3), m/s²."""
+    """Accelerometer reading of n robots minus the estimated bias, base frame, (n, 3), m/s²."""
     acceleration: Array
-    """Acceleration of the trunk, base frame, (n, 3), m/s²."""
+    """Acceleration of the trunks of n robots, base frame, (n, 3), m/s²."""
 
 
 Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
-"""Named tuple of arrays with one row per robot, which is a part of the filter's state."""
+"""Type variable for the named tuples that store the filter's state in arrays with one row per robot."""
 
 
 class Prediction(NamedTuple):
     """Predicted state of k robots at a new sample, before the measured foot positions correct the state."""
 
     state: NominalState
-    """Predicted gravity, velocity, IMU biases and foot positions, base frame."""
+    """Predicted gravity, velocity, IMU biases and foot positions of k robots, base frame."""
     covariance: Array
-    """Covariance of the predicted state's error, under the assumption that no foot has moved, (k, 24, 24)."""
+    """Covariance of the error of k predicted states, under the assumption that no foot has moved, (k, 24, 24)."""
     acceleration: Array
-    """Acceleration of the trunk, base frame, (k, 3), m/s²."""
+    """Acceleration of the trunks of k robots at the new sample, base frame, (k, 3), m/s²."""
     previous_acceleration: Array
-    """Acceleration of the trunk at the previous sample, rotated to the new base frame, (k, 3), m/s²."""
+    """Acceleration of the trunks of k robots at the previous sample, in the new base frame, (k, 3), m/s²."""
     force_change: Array
-    """Magnitude of the change of the accelerometer reading since the previous sample, (k, 1, 1, 1), m/s²."""
+    """Magnitude of the change of each robot's accelerometer reading since the last sample, (k, 1, 1, 1), m/s²."""
 
 
 class FootMeasurement(NamedTuple):
     """Measurement of the Kalman filter: foot positions of k robots from the joint encoders."""
 
     innovation: Array
-    """Measured minus predicted foot position, base frame, (k, 4, 3), m."""
+    """Measured minus predicted position of each foot of k robots, base frame, (k, 4, 3), m."""
     noise: Array
-    """Covariance of the measured foot position, base frame, (k, 4, 3, 3), m²."""
+    """Covariance of the measured position of each foot of k robots, base frame, (k, 4, 3, 3), m²."""
     covariance: Array
-    """Covariance of the predicted state's error, including the possible motion of the feet, (k, 24, 24)."""
+    """Covariance of the error of k predicted states, including the possible motion of the feet, (k, 24, 24)."""
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
     """Compute the standard deviations of the sensor errors of a sensor `suite`.
 
-    The filter does not know the directions of the IMU's position and mounting errors. It gets only the root mean square
-    of their components.
+    The filter does not know the direction of the IMU's position error and the axis of its mounting error. It gets only
+    the root mean square of the components of each error.
     """
     imu = suite.imu
     encoders = suite.encoders
@@ -242,7 +252,7 @@ class KalmanFilter:
         suite: Sensors of the robots.
         num_envs: Number of robots.
         dt: Control period, s.
-        delay_steps: Age of the readings, control steps.
+        delay_steps: Age of the sensor readings when `update` receives them, control steps.
 
     Attributes:
         gravity: Unit vector of gravity at the present time, (n, 3).
@@ -250,7 +260,7 @@ class KalmanFilter:
         gyro_bias: Bias of the gyroscope, (n, 3), rad/s.
         nominal: Estimated state at the time of the readings, which are `delay_steps` control steps old.
         contact: Estimated contact of each foot at the time of the readings.
-        previous: Sensor readings of the last sample.
+        previous: Sensor readings of the last sample, and the accelerations that follow from them.
     """
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, delay_steps: int) -> None:
@@ -298,9 +308,9 @@ class KalmanFilter:
         """Reset the estimates of robots that stand still at the start of an episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             specific_force: Mean accelerometer reading while the robots stand still, base frame, (k, 3), m/s².
-            readings: First readings of the k robots.
+            readings: First sensor readings of the episode, of the k robots.
         """
         joints = self._leg_joints(readings)
         gravity = -unit(specific_force)
@@ -403,13 +413,13 @@ class KalmanFilter:
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
         """Extrapolate gravity and velocity from the time of the readings to the present time.
 
-        The angular velocity is assumed to be constant. The acceleration is assumed to be the last acceleration plus a
-        fraction of its last change, `acceleration_extrapolation_gain`.
+        The angular velocity is assumed to be constant. The acceleration is assumed to be the last acceleration plus its
+        last change times `KalmanParameters.acceleration_extrapolation_gain`.
 
         Args:
             prediction: Result of `predict`.
-            gyro: Gyroscope readings, base frame, (k, 3), rad/s.
-            env_ids: Indices of the robots, (k,).
+            gyro: Gyroscope readings of k robots, base frame, (k, 3), rad/s.
+            env_ids: Indices of the k robots, (k,).
         """
         state = _select(self.nominal, env_ids)
         acceleration = prediction.acceleration
@@ -421,7 +431,7 @@ class KalmanFilter:
         self.gyro_bias[env_ids] = state.gyro_bias
 
     def _leg_joints(self, readings: AlignedReadings) -> Array:
-        """Return the joint angles of the readings, grouped by leg, (k, 4, 3), rad."""
+        """Return the joint angles in the `readings` of k robots, grouped by leg, (k, 4, 3), rad."""
         return readings.joints.reshape(-1, *self.previous.joints.shape[1:])
 
     def _step_measurements(self, previous: PreviousSample, readings: AlignedReadings) -> StepMeasurements:
@@ -430,10 +440,11 @@ class KalmanFilter:
         return StepMeasurements(mean_gyro, readings.accelerometer, previous.joints, self._leg_joints(readings))
 
     def _initial_covariance(self, gravity: Array) -> Array:
-        """Return the covariance of the state's error at the start of an episode, (k, 24, 24).
+        """Return the covariance of the errors of k states at the start of an episode, (k, 24, 24).
 
-        `gravity` is the unit vector of gravity, base frame, (k, 3). Tilt and accelerometer bias are correlated, because
-        the initial gravity is the accelerometer reading, which contains the bias.
+        `gravity` is the unit vector of gravity for each of k robots, base frame, (k, 3). The errors of tilt and
+        accelerometer bias are correlated, because the initial gravity is computed from the accelerometer reading, which
+        contains the bias.
         """
         errors = self._errors
         bias_to_tilt = skew(gravity) / GRAVITY
@@ -453,9 +464,10 @@ class KalmanFilter:
     ) -> Array:
         """Propagate the covariance by one control period, and add the noise of the IMU.
 
-        `covariance` and the result are covariances of the state's error, (k, 24, 24). `transition` is the derivative of
-        the error with respect to the previous error, (k, 24, 24). `gyro_change` is the change of the gyroscope reading,
-        (k, 3), rad/s, and `acceleration` the acceleration of the trunk, (k, 3), m/s², in the base frame.
+        `covariance` and the result are covariances of the errors of k states, (k, 24, 24). `transition` is the
+        derivative of each error with respect to the error one control period earlier, (k, 24, 24). `gyro_change` is the
+        change of the gyroscope reading in the period, base frame, (k, 3), rad/s. `acceleration` is the acceleration of
+        the trunk, base frame, (k, 3), m/s².
         """
         errors = self._errors
         dt = self._dt
@@ -476,11 +488,12 @@ class KalmanFilter:
         return out
 
     def _stance_noise(self, force_change: Array, jacobians: Array, vertical: Array, env_ids: EnvIndices) -> Array:
-        """Return the process noise of the position of each stance foot, base frame, (k, 4, 3, 3), m².
+        """Return the process noise covariance of each stance foot's position, base frame, (k, 4, 3, 3), m².
 
-        This covariance is added in every control period. `force_change` is the magnitude of the change of the
-        accelerometer reading, (k, 1, 1, 1), m/s². `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad. `vertical`
-        is the projection matrix onto the vertical, base frame, (k, 1, 3, 3).
+        The filter adds this covariance in every control period. `force_change` is the magnitude of the change of the
+        accelerometer reading of each of k robots, (k, 1, 1, 1), m/s². `jacobians` are the foot Jacobians, (k, 4, 3, 3),
+        m/rad. `vertical` is the projection matrix onto the vertical, base frame, (k, 1, 3, 3). `env_ids` are the
+        indices of the k robots.
         """
         dt = self._dt
         jacobian_change = jacobians - self.contact.jacobians[env_ids]
@@ -494,9 +507,10 @@ class KalmanFilter:
         return out
 
     def _encoder_noise(self, readings: AlignedReadings, jacobians: Array) -> Array:
-        """Return the covariance of the measured foot positions, base frame, (k, 4, 3, 3), m².
+        """Return the covariance of each measured foot position of k robots, base frame, (k, 4, 3, 3), m².
 
-        `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad, which map encoder errors to position errors.
+        It follows from the noise of the encoder `readings`. `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad,
+        which convert joint angle errors to position errors.
         """
         angle_std = np.where(readings.has_new_angles, self._errors.angle, PARAMETERS.missing_sample_std)
         angle_std = angle_std[:, None, None, None]
@@ -505,10 +519,11 @@ class KalmanFilter:
     def _update_contact(
         self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
     ) -> FootContactState:
-        """Update and store the estimated contact of each foot of the robots `env_ids`, and return it.
+        """Update and store the estimated contact of each foot of the k robots `env_ids`, and return it.
 
-        `innovation` is the measured minus the predicted foot position, base frame, (k, 4, 3), m. `expected` is its
-        covariance for a foot in contact, (k, 4, 3, 3), m². `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad.
+        `innovation` is the measured minus the predicted foot position, base frame, (k, 4, 3), m. `expected` is the
+        covariance of the innovation for a foot in contact, (k, 4, 3, 3), m². `jacobians` are the foot Jacobians,
+        (k, 4, 3, 3), m/rad.
         """
         previous = _select(self.contact, env_ids)
         probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
@@ -521,8 +536,8 @@ class KalmanFilter:
     def _inflate_velocity(self, covariance: Array, contact: FootContactState, innovation: Array) -> Array:
         """Return the state covariance with a larger velocity variance if feet read contact but seem to move.
 
-        `covariance` is the covariance of the state's error, (k, 24, 24). `innovation` is the measured minus the
-        predicted foot position, base frame, (k, 4, 3), m.
+        `covariance` is the covariance of the errors of k states, (k, 24, 24), and `contact` the estimated contact of
+        each foot. `innovation` is the measured minus the predicted foot position, base frame, (k, 4, 3), m.
         """
         has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
@@ -536,9 +551,10 @@ class KalmanFilter:
 def _swing_covariance(probability: Array, innovation: Array, expected: Array, vertical: Array, dt: float) -> Array:
     """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m².
 
-    `probability` is the contact probability, (k, 4). `innovation` is the measured minus the predicted foot position,
-    (k, 4, 3), m, and `expected` its covariance for a foot in contact, (k, 4, 3, 3), m². `vertical` is the projection
-    matrix onto the vertical, (k, 1, 3, 3). `dt` is the control period, s.
+    `probability` is the contact probability of each foot of k robots, (k, 4). `innovation` is the measured minus the
+    predicted foot position, (k, 4, 3), m. `expected` is the covariance of the innovation for a foot in contact,
+    (k, 4, 3, 3), m². `vertical` is the projection matrix onto the vertical, (k, 1, 3, 3). All of them are in the base
+    frame. `dt` is the control period, s.
     """
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
     vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
@@ -550,10 +566,11 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
 
 
 def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
-    """Return the extra position variance of each foot along an axis, (k, 4), m².
+    """Return the extra variance of the position of a foot that may swing, along one axis, (k, 4), m².
 
-    The variance rises from 0 at contact probability 1 to about (speed_std · dt)² at probability 0. `speed_std` is the
-    standard deviation of the speed of a swing foot along the axis, m/s. `dt` is the control period, s.
+    The variance rises from 0 at contact probability 1 to about (speed_std · dt)² at probability 0. `probability` is the
+    contact probability of each foot of k robots, (k, 4). `speed_std` is the standard deviation of a swing foot's speed
+    along the axis, m/s. `dt` is the control period, s.
     """
     rest_std = PARAMETERS.contact_velocity_std
     out: Array = (rest_std * dt) ** 2 * ((speed_std / rest_std) ** (2 - 2 * probability) - 1)
@@ -561,17 +578,18 @@ def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
 
 
 def _foot_blocks(covariance: Array, legs: int) -> Array:
-    """Return the diagonal blocks of each foot's position in the state covariance, (k, 4, 3, 3), m².
+    """Return the covariance of each foot's position, base frame, (k, 4, 3, 3), m².
 
-    `covariance` is the covariance of the state's error, (k, 24, 24), and `legs` the number of legs.
+    These are 3x3 blocks on the diagonal of `covariance`, which is the covariance of the errors of k states,
+    (k, 24, 24). `legs` is the number of legs.
     """
     return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
 
 
 def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
-    """Add the 3x3 `blocks` of the feet, (k, 4, 3, 3), to the diagonal of `matrices`, (k, m, m), in place.
+    """Add a 3x3 block per foot, `blocks`, (k, 4, 3, 3), to the diagonals of k square `matrices`, in place.
 
-    The first block begins at row and column `start`.
+    The first block begins at row and column `start`, and each further block follows the previous one.
     """
     for leg in range(blocks.shape[1]):
         entries = slice(start + 3 * leg, start + 3 * leg + 3)
@@ -579,17 +597,17 @@ def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) ->
 
 
 def _squared_length(vectors: Array) -> Array:
-    """Return the squared lengths, (k, 1, 1), of `vectors`, (k, 3)."""
+    """Return the squared length of each of k `vectors`, (k, 3), as an array (k, 1, 1)."""
     out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
     return out
 
 
 def _select(state: Rows, env_ids: EnvIndices) -> Rows:
-    """Return the rows of the robots `env_ids` of every array in `state`."""
+    """Return a copy of `state` in which every array has only the rows of the robots `env_ids`."""
     return type(state)(*(values[env_ids] for values in state))
 
 
 def _assign(state: Rows, env_ids: EnvIndices, rows: Rows) -> None:
-    """Write the arrays in `rows` to the rows `env_ids` of the arrays in `state`, in place."""
+    """Write the arrays in `rows` into `state`, to the rows of the robots `env_ids`, in place."""
     for target, values in zip(state, rows, strict=True):
         target[env_ids] = values

@@ -47,18 +47,18 @@ IDENTITY = np.eye(3)
 
 
 class NominalState(NamedTuple):
-    """State that the Kalman filter estimates, of k robots, base frame."""
+    """State of k robots that the Kalman filter estimates, base frame."""
 
     gravity: Array
-    """Unit vector of gravity, (k, 3)."""
+    """Unit vector of gravity for each of k robots, base frame, (k, 3)."""
     velocity: Array
-    """Velocity of the trunk's centre, (k, 3), m/s."""
+    """Velocity of the trunk's centre of each of k robots, base frame, (k, 3), m/s."""
     gyro_bias: Array
-    """Bias of the gyroscope, (k, 3), rad/s."""
+    """Bias of the gyroscope of each of k robots, base frame, (k, 3), rad/s."""
     accelerometer_bias: Array
-    """Bias of the accelerometer, (k, 3), m/s²."""
+    """Bias of the accelerometer of each of k robots, base frame, (k, 3), m/s²."""
     feet: Array
-    """Centres of the feet relative to the trunk's centre, (k, 4, 3), m."""
+    """Centres of the feet of k robots relative to the trunk's centre, base frame, (k, 4, 3), m."""
 
 
 class StepMeasurements(NamedTuple):
@@ -67,38 +67,46 @@ class StepMeasurements(NamedTuple):
     angular_velocity: Array
     """Mean of the gyroscope readings at the start and the end of the period, base frame, (k, 3), rad/s."""
     specific_force: Array
-    """Mean accelerometer reading over the period, base frame, (k, 3), m/s²."""
+    """Mean accelerometer reading of k robots over the control period, base frame, (k, 3), m/s²."""
     previous_joints: Array
-    """Joint angles at the start of the period, (k, 4, 3), rad."""
+    """Hip, thigh and calf angle of each leg of k robots at the start of the control period, (k, 4, 3), rad."""
     joints: Array
-    """Joint angles at the end of the period, (k, 4, 3), rad."""
+    """Hip, thigh and calf angle of each leg of k robots at the end of the control period, (k, 4, 3), rad."""
 
 
 class RotatedState(NamedTuple):
     """State of k robots at the start of a control period, rotated to the base frame at its end.
 
-    The letters in parentheses are the symbols in the formulas of the module docstring.
+    In the formulas of the module docstring, `rotation` is D, `specific_force` is f, `gravity` is D g, `velocity` is D
+    v, and `calf_rotation` is c.
     """
 
     rotation: Array
-    """Rotation from the base frame at the start to the base frame at the end of the period (D), (k, 3, 3)."""
+    """Rotation from the base frame at the start of a control period to the base frame at its end, (k, 3, 3)."""
     specific_force: Array
-    """Accelerometer reading minus its bias (f), base frame at the start of the period, (k, 3), m/s²."""
+    """Mean accelerometer reading of k robots minus the estimated accelerometer bias, (k, 3), m/s².
+
+    The vector is in the base frame at the start of the control period. The other vectors of this class are in the base
+    frame at its end.
+    """
     gravity: Array
-    """Unit vector of gravity (D g), base frame at the end of the period, (k, 3)."""
+    """Unit vector of gravity for each of k robots, base frame at the end of the control period, (k, 3)."""
     velocity: Array
-    """Velocity of the trunk's centre (D v), base frame at the end of the period, (k, 3), m/s."""
+    """Velocity of the trunk's centre at the start of the control period, for k robots, (k, 3), m/s.
+
+    It is expressed in the base frame at the end of the period.
+    """
     calf_rotation: Array
-    """Rotation of each calf during the period (c), (k, 4, 3), rad."""
+    """Rotation vector of each calf of k robots during the control period, base frame, (k, 4, 3), rad."""
 
 
 def error_dim(robot: Robot) -> int:
-    """Return the number of components of the state's error vector: 12 plus 3 per leg of the `robot`."""
+    """Return the length of the error vector of the estimated state: 12 plus 3 per leg of the `robot`."""
     return FEET.start + 3 * len(robot.leg_names)
 
 
 def foot(leg: int) -> slice:
-    """Return the slice of the state's error vector with the foot position of the leg with the index `leg`."""
+    """Return the slice of the state's error vector with the foot position error of the leg number `leg`."""
     return slice(FEET.start + 3 * leg, FEET.start + 3 * leg + 3)
 
 
@@ -111,7 +119,7 @@ def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float)
         dt: Control period, s.
 
     Returns:
-        Rotated gravity and velocity, the rotation matrix, the specific force without bias, and the calf rotations.
+        Rotated gravity and velocity, the rotation matrix, the specific force minus its bias, and the calf rotations.
     """
     angular_velocity = measurements.angular_velocity - state.gyro_bias
     rotation = exp_so3(-dt * angular_velocity)
@@ -152,7 +160,7 @@ def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float)
 def error_transition_matrix(
     robot: Robot, state: NominalState, measurements: StepMeasurements, rotated: RotatedState, dt: float
 ) -> Array:
-    """Compute the Jacobian of the error after `predict` with respect to the error before `predict`.
+    """Compute the derivative of the state's error after `predict` with respect to the error before it.
 
     Args:
         robot: Geometry of the robots.
@@ -162,7 +170,7 @@ def error_transition_matrix(
         dt: Control period, s.
 
     Returns:
-        Transition matrices, (k, error_dim, error_dim).
+        Transition matrices of the k error vectors, (k, error_dim, error_dim), see `error_dim`.
     """
     rotation = rotated.rotation
     gravity_cross = skew(rotated.gravity)
@@ -186,10 +194,11 @@ def error_transition_matrix(
 def _fill_foot_rows(
     out: Array, robot: Robot, state: NominalState, rotated: RotatedState, bias_to_tilt: Array, dt: float
 ) -> None:
-    """Fill the rows of the foot positions in the transition matrices `out`, (k, error_dim, error_dim).
+    """Fill the rows of the foot position errors in the matrices `out`, (k, error_dim, error_dim).
 
-    The velocity rows of `out` must already be filled. `bias_to_tilt` is the derivative of the tilt error with respect
-    to the error of the gyroscope bias, (k, 3, 3), s.
+    `out` are the transition matrices of k robots, with filled velocity rows. `state` is the state at the start of the
+    control period, `rotated` the result of `rotate_state` for it, and `dt` the control period, s. `bias_to_tilt` is the
+    derivative of the tilt error with respect to the error of the gyroscope bias, (k, 3, 3), s.
     """
     gravity_cross = skew(rotated.gravity)
     calf_cross = skew(rotated.calf_rotation)
@@ -206,7 +215,7 @@ def _fill_foot_rows(
 
 
 def inject_error(state: NominalState, error: Array) -> NominalState:
-    """Correct the `state` of k robots by its estimated `error`, (k, error_dim), and return the result."""
+    """Return the `state` of k robots after the correction by its estimated `error`, (k, error_dim)."""
     return NominalState(
         unit(matvec(exp_so3(error[:, TILT]), state.gravity)),
         state.velocity + error[:, VELOCITY],
@@ -227,7 +236,7 @@ def exp_so3(rotation_vectors: Array) -> Array:
 
 
 def matvec(matrices: Array, vectors: Array) -> Array:
-    """Multiply each of the `matrices`, (…, 3, 3), by the vector at the same index of `vectors`, (…, 3)."""
+    """Return the product of each of the `matrices`, (…, 3, 3), and the vector in `vectors`, (…, 3)."""
     out: Array = (matrices @ vectors[..., None])[..., 0]
     return out
 
@@ -252,9 +261,9 @@ class ContactParameters:
     true_positive_rate: float = 0.95
     """Probability that the force sensor reads contact, if the foot is in contact."""
     false_positive_rate: float = 0.17
-    """Probability that the force sensor reads contact, if the foot is not in contact in the model's sense.
+    """Probability that the force sensor reads contact, if the model considers the foot not in contact.
 
-    Feet that touch the ground but still move count as not in contact.
+    The model considers a foot that touches the ground but still moves not in contact.
     """
     swing_speed: float = 1.2
     """Standard deviation of the velocity of a foot without contact, along each axis, m/s.
@@ -272,10 +281,10 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
     """Update the contact probability of each foot by one sample of the hidden Markov model.
 
     Args:
-        previous: Contact probability one sample ago, (k, 4).
-        contact: Readings of the force sensors, (k, 4) bool.
-        innovation: Measured minus predicted foot position (ν), base frame, (k, 4, 3), m.
-        covariance: Covariance of the innovation of a foot in contact (S), base frame, (k, 4, 3, 3), m².
+        previous: Contact probability of each foot of k robots one sample ago, (k, 4).
+        contact: Readings of the force sensors, (k, 4) bool; True for contact.
+        innovation: Measured minus predicted foot position, base frame, (k, 4, 3), m.
+        covariance: Covariance of the innovation of a foot in contact, base frame, (k, 4, 3, 3), m².
         dt: Sample period, s.
 
     Returns:

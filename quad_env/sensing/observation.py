@@ -1,4 +1,4 @@
-"""Observation models: the true state with noise and latency, or simulated sensors with an estimator."""
+"""Computation of observations from the true state with noise and latency, or from simulated sensors."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -42,10 +42,10 @@ class ObservationDisturbance:
         self._delayed = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Set the joint angle offsets and restart the noise of robots that start a new episode.
+        """Set the joint angle offsets, and restart the noise, of k robots that start a new episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
         if self._noise is not None:
@@ -58,9 +58,9 @@ class ObservationDisturbance:
         """Add offsets, noise and latency to the sensor-measured terms of the observations in place.
 
         Args:
-            observation: Undisturbed observations, (k, width); previous action and command stay unchanged.
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            observation: Undisturbed observations of k robots, (k, width); previous action and command stay unchanged.
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         sensed = observation[:, self._sensed]
         if self._offset is not None:
@@ -74,9 +74,10 @@ class ObservationDisturbance:
 
 
 def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: int) -> Noise | None:
-    """Create the white noise of the sensor-measured observation terms; None if the scenario has no noise.
+    """Create the white noise of the observation terms that sensors measure.
 
-    `table` is the layout of the observation.
+    None is returned if the `scenario` has no noise. `table` is the layout of the observation, and `num_envs` the number
+    of robots.
     """
     if scenario.noise is None:
         return None
@@ -106,10 +107,10 @@ class TrueStateObservation:
         self.is_exact = disturbance is None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart offsets, noise and latency of robots that start a new episode.
+        """Restart offsets, noise and latency of k robots that start a new episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
         if self._disturbance is not None:
@@ -122,9 +123,9 @@ class TrueStateObservation:
 
         Args:
             state: Present state of the k robots.
-            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            command: Velocity command to track next: forward, m/s, lateral, m/s, and yaw rate, rad/s.
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
             Observation, (k, width), or (width,) if `state` holds floats of one robot.
@@ -182,15 +183,18 @@ class SensorObservation:
         self._sensors = SensorModels(robot, suite, num_envs, control_rate)
         self.estimator = make_estimator(estimator, robot, suite, self._sensors, num_envs, 1 / control_rate)
         self._last_update_step = np.full(num_envs, -1)
-        """Control step in which each robot's sensors were last read, from the episode start, (n,); -1 if never read."""
+        """Control step of the episode in which the sensors of each of n robots were last read, (n,).
+
+        It is -1 if the sensors have not been read in the episode.
+        """
         self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
-        """Sensor-measured observation terms from the last reading of the sensors, (n, width)."""
+        """Observation terms of n robots from the last reading of the sensors, (n, width)."""
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart sensors, noise and latency of robots that start a new episode.
+        """Restart sensors, noise and latency of k robots that start a new episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
         self._last_update_step[env_ids] = -1
@@ -205,9 +209,9 @@ class SensorObservation:
 
         Args:
             state: Present state of the k robots; only its previous action is observed.
-            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            command: Velocity command to track next: forward, m/s, lateral, m/s, and yaw rate, rad/s.
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
             Observation, (k, width), or (width,) if `state` holds floats of one robot.
@@ -221,11 +225,13 @@ class SensorObservation:
         return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """Return the newest sample of each sensor that has passed its delay, and the time of measurement.
+        """Return the newest sample of each sensor that can already be read, and the time of its measurement.
+
+        A sample can be read after the delay of the sensor.
 
         Returns:
-            Dictionary with two keys per sensor. `sensor_<name>` -> sample, (n, width), in the unit of the sensor.
-            `sensor_<name>_time` -> time of the measurement since the start of the episode, (n,), s.
+            Dictionary with two keys per sensor. `sensor_<name>` -> samples of n robots, (n, width), in the unit of the
+            sensor. `sensor_<name>_time` -> time of each measurement since the start of the episode, (n,), s.
         """
         clock = np.maximum(self._last_update_step, 0)
         env_ids = np.arange(len(clock))
@@ -237,9 +243,9 @@ class SensorObservation:
         return out
 
     def _update(self, clock: Clock, env_ids: EnvIndices) -> None:
-        """Read the sensors of the robots `env_ids`, advance the estimator and store their observation terms.
+        """Read the sensors of the k robots `env_ids`, advance the estimator, and store the observation terms.
 
-        `clock` are the control steps since the start of each episode, (k,).
+        `clock` is the number of control steps since the start of each robot's episode, (k,).
         """
         accelerometer_period = self._sensors.channels["accelerometer"].period
         true_values = self._ideal_sensors.read(env_ids, clock, accelerometer_period)
@@ -249,11 +255,11 @@ class SensorObservation:
         self._sensed_terms[env_ids] = self._compute_sensed_terms(clock, env_ids)
 
     def _update_estimates(self, up: Array, clock: Clock, env_ids: EnvIndices) -> None:
-        """Reset the estimator for robots at the start of an episode; advance it by a step for other robots.
+        """Reset the estimator of robots at the start of an episode; advance it by one step for other robots.
 
-        The first advance of an episode waits until readings of IMU, encoders and foot sensors have passed their delay.
-        `up` is the unit vector of the world's vertical in IMU axes, (k, 3). `clock` are the control steps since the
-        start of each episode, (k,).
+        In each episode, the estimator advances only after the delay of IMU, encoders and foot sensors, because their
+        first readings arrive then. `up` is the unit vector of the world's vertical in IMU axes, (k, 3). `clock` is the
+        number of control steps since the start of the episode, for each of the k robots `env_ids`, (k,).
         """
         readings = self._aligned_readings(clock, env_ids)
         is_first = clock == 0
@@ -267,7 +273,7 @@ class SensorObservation:
     def _aligned_readings(self, clock: Clock, env_ids: EnvIndices) -> AlignedReadings:
         """Return the newest readings of IMU, encoders and foot sensors that were all taken at the same time.
 
-        `clock` are the control steps of the robots `env_ids` since the start of each episode, (k,).
+        `clock` is the number of control steps since the start of the episode, for each of the k robots `env_ids`, (k,).
         """
         delay_steps = self._sensors.alignment_delay
         channels = self._sensors.channels
@@ -285,9 +291,9 @@ class SensorObservation:
         )
 
     def _compute_sensed_terms(self, clock: Clock, env_ids: EnvIndices) -> Array:
-        """Compute the sensor-measured observation terms, clipped to the observation bounds, (k, width).
+        """Compute the observation terms of k robots that sensors measure, clipped to their bounds, (k, width).
 
-        `clock` are the control steps of the robots `env_ids` since the start of each episode, (k,).
+        `clock` is the number of control steps since the start of the episode, for each of the k robots `env_ids`, (k,).
         """
         encoders = self._sensors.channels["joint_position"]
         joints = encoders.value(clock, env_ids)
@@ -307,7 +313,7 @@ class SensorObservation:
 
 
 ObservationModel = TrueStateObservation | SensorObservation
-"""Observation model: computes the observation from the true state or from sensor readings."""
+"""Class that computes the observations of n robots, from the true state or from sensor readings."""
 
 
 def make_observation_model(

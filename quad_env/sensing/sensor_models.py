@@ -1,4 +1,4 @@
-"""Sensor models of n robots, which convert true values to biased, noisy, sampled and delayed readings."""
+"""Sensor models of n robots: they convert true values to biased, noisy, sampled and delayed readings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,16 @@ from quad_env.scenarios.episode import EpisodeSample
 from quad_env.sensing.suite import SensorSuite
 
 Clock = NDArray[np.int64]
-"""Number of control steps since the start of the episode, for each of k robots, (k,)."""
+"""Array type: number of control steps since the start of the episode, for each of k robots, (k,)."""
 BLOCK = 50
 """Number of control steps for which `Noise` draws random numbers at once.
 
-A larger number needs fewer calls of the random generator and more memory.
+With a larger number, `Noise` needs fewer calls of the random generator and more memory.
 """
 
 
 class Noise:
-    """White noise of n robots, from one random stream per robot.
+    """White noise of the sensor readings or observations of n robots, from one random stream per robot.
 
     Noise is drawn in blocks of `BLOCK` control steps. The noise of a robot depends only on its stream and on the
     control step.
@@ -36,7 +36,10 @@ class Noise:
         self._std = std
         self._noise = np.zeros((num_envs, BLOCK, len(std)), np.float32)
         self._block = np.full(num_envs, -1)
-        """Index in the episode of the block that `_noise` holds for each robot, (n,); -1 before the first draw."""
+        """Number of the block of control steps that `_noise` contains, for each of n robots, (n,).
+
+        Blocks are counted from 0 at the start of an episode. It is -1 before the first noise of an episode is drawn.
+        """
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(self, env_index: int, stream: np.random.Generator) -> None:
@@ -48,8 +51,9 @@ class Noise:
         """Return the noise of k robots, each at its control step.
 
         Args:
-            clock: Control steps since the start of the episode, (k,); must not decrease from call to call.
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,). It must not
+                decrease from call to call.
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
             Noise, (k, width).
@@ -108,8 +112,8 @@ class Channel:
 
         Args:
             values: Present readings of k robots, (k, width).
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         is_due = clock % self.period == 0
         self._samples[clock[is_due] // self.period % len(self._samples), env_ids[is_due]] = values[is_due]
@@ -123,8 +127,8 @@ class Channel:
         If no sample is that old, the result is the first sample of the episode.
 
         Args:
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             delay_steps: Minimum age of the sample, control steps; None for the sensor's delay.
 
         Returns:
@@ -138,8 +142,8 @@ class Channel:
         If there is no earlier sample, the result is the first sample of the episode.
 
         Args:
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             delay_steps: Minimum age of the sample that `value` returns, control steps; None for the sensor's delay.
 
         Returns:
@@ -148,22 +152,23 @@ class Channel:
         return self.value(clock - self.period, env_ids, delay_steps)
 
     def is_new(self, clock: Clock, delay_steps: int) -> Mask:
-        """Return True for robots with a sample that reaches the age `delay_steps` in this control step, (k,).
+        """Return True for each robot with a sample that reaches the age `delay_steps` in this control step.
 
         Args:
-            clock: Control steps since the start of each episode, (k,).
-            delay_steps: Age, control steps.
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,).
+            delay_steps: Age of the sample, control steps.
 
         Returns:
-            Mask of robots, (k,).
+            Mask of the k robots, (k,).
         """
         is_new: Mask = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
         return is_new
 
     def time(self, clock: Clock) -> Array:
-        """Return the measurement time of the sample that `value` returns with the sensor's delay, (k,), s.
+        """Return the measurement times of the newest samples that k robots can read after the delay, (k,), s.
 
-        Times and `clock`, (k,), in control steps, count from the start of each episode.
+        The times are measured from the start of each robot's episode. `clock` is the number of control steps since
+        then, (k,).
         """
         return self._sample_index(clock, None) * self.period / self._control_rate
 
@@ -173,9 +178,10 @@ class Channel:
         return self.period / self._control_rate
 
     def _sample_index(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
-        """Return the number of the newest sample that is at least `delay_steps` control steps old, (k,).
+        """Return the number of each robot's newest sample that is at least `delay_steps` old, (k,).
 
-        Samples are counted from 0 at the start of the episode. None means the sensor's delay.
+        The first sample of an episode has the number 0. `clock` is the number of control steps since the start of the
+        episode, for each of k robots, (k,). If `delay_steps` is None, the delay of the sensor is used.
         """
         age = self.delay_steps if delay_steps is None else delay_steps
         return np.maximum((clock - age) // self.period, 0)
@@ -235,10 +241,10 @@ class SensorModels:
         }
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Draw the sensor biases, and restart the noise, of robots that start a new episode.
+        """Draw the sensor biases, and restart the noise, of k robots that start a new episode.
 
         Args:
-            env_ids: Indices of the robots, (k,).
+            env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
         start = self._widths["gyro"] + self._widths["accelerometer"]
@@ -255,8 +261,8 @@ class SensorModels:
 
         Args:
             true_values: Sensor name -> noise-free values, (k, width), in the unit of the sensor.
-            clock: Control steps since the start of the episode, (k,).
-            env_ids: Indices of the robots, (k,).
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         readings = np.concatenate([true_values[name] for name in self._widths], axis=1)
         readings += self.bias[env_ids] + self._noise.at(clock, env_ids)
@@ -271,8 +277,8 @@ class SensorModels:
         """Compute the mean accelerometer reading of robots that stand still.
 
         Args:
-            up: Unit vector of the world's vertical, IMU axes, (k, 3).
-            env_ids: Indices of the robots, (k,).
+            up: Unit vector that points up in the world, in the IMU axes of each of k robots, (k, 3).
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
             Specific force plus bias, IMU axes, (k, 3), m/s²; the noise is not included.
@@ -292,5 +298,8 @@ class SensorModels:
         return readings
 
     def _repeat(self, *value_by_sensor: float) -> Array:
-        """Return an array that repeats the value of each sensor for all components of its reading, (34,)."""
+        """Return an array with one number for each of the 34 components of all sensor readings, (34,).
+
+        `value_by_sensor` is one number per sensor, which is repeated for all components of its reading.
+        """
         return np.repeat(np.array(value_by_sensor), list(self._widths.values()))

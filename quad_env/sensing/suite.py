@@ -1,4 +1,4 @@
-"""Settings of a robot's sensors and of their errors, in physical units.
+"""Settings of the sensors of a robot and of their errors, in physical units.
 
 A sensor takes samples at control steps, `rate` times a second from the start of the episode. It holds each sample until
 the next one. Policy and estimator can read a sample from the first control step that is at least `delay` after the
@@ -80,7 +80,7 @@ class Encoders(Sampled):
 
     @property
     def step(self) -> float:
-        """Smallest difference of two encoder readings, 2π/2^bits rad; 0 if `bits` is None."""
+        """Smallest difference between two unequal encoder readings, 2π/2^bits rad; 0 if `bits` is None."""
         return 0.0 if self.bits is None else 2 * math.pi / 2**self.bits
 
 
@@ -136,7 +136,10 @@ IDEAL = SensorSuite(
     FootContact(rate=None, delay=0.0, noise=0.0),
     JointTorque(rate=None, delay=0.0, bias=0.0, noise=0.0, range=1e4),
 )
-"""Sensors without noise, bias, offset and delay, so that all errors of the observation come from the estimator."""
+"""Ideal sensors, which have no noise, bias, offset or delay.
+
+All errors of an observation then come from the state estimator.
+"""
 TRUTH = "truth"
 SENSORS = {"ideal": IDEAL, "typical": SensorSuite()}
 
