@@ -23,13 +23,13 @@ from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs,
 PAYLOAD = "payload"
 """Name of the payload's body in the MuJoCo model."""
 _GROUND = "ground"
-"""Name of the ground plane's geom, and of its material, in the MuJoCo model."""
+"""Name of the ground plane's geom and of its material in the MuJoCo model."""
 _TERRAIN = "terrain"
-"""Name of the height field in the MuJoCo model, and first part of the names of the stairs' geoms."""
+"""Name of the height field in the MuJoCo model, and prefix of the names of the stairs' geoms."""
 _FLOOR_DEPTH = 1.0
 """Thickness of the solid ground below a height field or below a step of stairs, m."""
 NO_SIMPLIFICATION = PhysicsOptions()
-"""Options that leave the physics as the model has it."""
+"""Default options: contacts, friction cone and joint friction stay as in the MJCF of the robot."""
 
 
 def compile_model(
@@ -63,7 +63,7 @@ def compile_model(
     torque_limit = _set_actuators(spec, scenario.motors, actuator, robot)
     model = _compile_at_home_height(spec)
     model.actuator_forcerange[:] = np.stack((-torque_limit, torque_limit), axis=-1)
-    model.jnt_actfrclimited[:] = False  # because only the motors limit the torque, at any strength
+    model.jnt_actfrclimited[:] = False  # because the torque limit of the motors, set above, must be the only one
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     if options != NO_SIMPLIFICATION:
@@ -72,7 +72,10 @@ def compile_model(
 
 
 def _simplify(model: mujoco.MjModel, options: PhysicsOptions, robot: Robot) -> None:
-    """Remove contacts and joint friction, and set the friction cone; explicit pairs of geoms stay."""
+    """Simplify contacts, friction cone and joint friction of the compiled `model`, as `options` requests.
+
+    Contact pairs of geoms that the MJCF names explicitly are kept.
+    """
     if options.cone != "model":
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{options.cone.upper()}")
     if options.joint_friction == "none":
@@ -99,7 +102,7 @@ def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
 def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robot: Robot) -> NDArray[np.float64]:
     """Set motor type, filter and delay of the joint actuators, and return their torque limits, (12,), N·m.
 
-    `motors` are the limits of the scenario, and `actuator` is the model of the joint servos.
+    `motors` are the scenario's limits on torque and bandwidth. `actuator` is the model of the joint servos.
     """
     torque_limit = np.full(robot.num_joints, motors.max_torque(robot))
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
@@ -144,8 +147,8 @@ def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
 def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Return the corners of the boxes around the trunk's collision geoms, base frame, (k, 3), m.
 
-    Geoms of bodies that are welded to the trunk are included. The corners show how high the trunk must be above ground.
-    The only corner is the centre of the trunk if no geom of the trunk collides, see `PhysicsOptions`.
+    Geoms of bodies that are welded to the trunk are included. At the start of an episode, no corner may be below the
+    ground. If no geom of the trunk collides, see `PhysicsOptions`, the only corner is the centre of the trunk.
     """
     data = mujoco.MjData(model)
     root = model.body("base_link").id
@@ -163,8 +166,8 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
 def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
     """Return a copy of a model that MuJoCo simulates faster, with bit-identical results.
 
-    The copy evaluates only the sensors that are read. It does not search for constraint islands, because one robot has
-    only one island.
+    MuJoCo evaluates only the sensors of the copy that are read. It does not search for constraint islands (groups of
+    bodies that are simulated independently), because one robot has only one island.
 
     Args:
         model: Compiled model.
@@ -177,13 +180,14 @@ def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = N
     sensors = contact_sensors(model, "trunk") if sensors is None else sensors
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
     stepping.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
-    stepping.qpos0[2] = stepping.key("home").qpos[2]  # because `mj_setConst` reads it, see `_compile_at_home_height`
+    # Set the home height, because `mj_setConst` reads it; `_compile_at_home_height` has left the height of the MJCF.
+    stepping.qpos0[2] = stepping.key("home").qpos[2]
     stepping.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return stepping
 
 
 Mounting = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""Pose of the IMU on the trunk: position, base frame, (3), m, and roll, pitch, yaw from the base frame, (3), rad."""
+"""Type of the IMU's pose on the trunk: position, base frame, (3), m; roll, pitch and yaw, (3), rad."""
 
 
 def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
@@ -255,7 +259,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
         pos=(0.0, 0.0, height),
-        ipos=(0.0, 0.0, 0.0),  # because MuJoCo's default is `pos`, which would place the mass twice as high
+        ipos=(0.0, 0.0, 0.0),  # because the default, `pos`, would place the mass twice as high
         mass=payload.mass,
         inertia=(moment, moment, moment),
         explicitinertial=True,
@@ -272,7 +276,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
 
 
 def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
-    """Add a first-order low-pass filter of the joint target to each servo, which starts at the home pose.
+    """Add a first-order low-pass filter of the joint target to each servo; the filter starts at the home pose.
 
     `time_constant` is the time constant of the filter, s. MuJoCo integrates the filter exactly.
     """
@@ -286,8 +290,8 @@ def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot
     """Replace the joint servos by DC motors with the same stiffness and damping.
 
     `curve` are the torque-speed curves of the motors. The supply voltage is normalised to ±1 V. So the motor constant
-    is 1 / no_load_speed, and the resistance is the motor constant / stall_torque. The force range of the actuator is
-    the current limit.
+    is 1 / no_load_speed, and the resistance is the motor constant divided by stall_torque. The force range of the
+    actuator represents the current limit of the motor.
     """
     stall_torques = curve.stall_torque.tolist()
     no_load_speeds = curve.no_load_speed.tolist()
@@ -310,7 +314,7 @@ def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot
 def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     """Return views of the model fields that hold the servo gains of n robots, (n, 12) each.
 
-    Some fields hold the gain, and others the negative gain.
+    Some model fields hold the gain, and others the negative gain.
 
     Args:
         model: Compiled model.
@@ -366,7 +370,7 @@ def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]
 
 
 def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
-    """Set friction and softness of the ground in the model; `ground` holds the settings.
+    """Set the friction and softness that `ground` defines on all ground geoms of the model.
 
     On soft ground, the time constant of the contacts follows from the depth that a foot sinks under a quarter of the
     robot's weight.

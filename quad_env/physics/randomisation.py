@@ -12,9 +12,8 @@ from quad_env.scenarios.randomisation import RandomizationSample
 class RandomisedModels:
     """Writer of the randomised parameters of an episode into the model of each robot.
 
-    Call `Batch.set_const` after `reset`, because constants of the model depend on the parameters. The trunk is the
-    heaviest body that is welded to the body with the free joint, except the payload. Its mass and centre of mass
-    change.
+    The caller must call `Batch.set_const` after `reset`, because constants of the model depend on the parameters. The
+    randomised trunk is the heaviest body that is welded to the body with the free joint, except the payload.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -39,7 +38,10 @@ class RandomisedModels:
         self._scaled = [
             (factor, field, field.copy()) for factor, fields in fields_by_factor.items() for field in fields
         ]
-        """Triples: name of a factor in `RandomizationSample`, the model field it scales, and its nominal values."""
+        """Triples: name of a factor in `RandomizationSample`, array of the model field to scale, and nominal values.
+
+        The nominal values are a copy of the array before any randomisation.
+        """
         self._centre_of_mass = expand("body_ipos")[:, trunk]
         self._nominal_centre_of_mass = self._centre_of_mass.copy()
 

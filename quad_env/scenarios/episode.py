@@ -21,20 +21,22 @@ from quad_env.seeding import EpisodeStreams
 class PushPlan:
     """Pushes (force pulses on the trunk) of one episode, or of n episodes.
 
-    For n episodes the arrays have a first axis of length n. Kicks may overlap pushes; the forces add up.
+    For n episodes the arrays have a first axis of length n. Kicks, which training adds, may overlap pushes; the forces
+    then add up. `count` is the number of pushes and kicks of an episode.
     """
 
     first_step: NDArray[np.int64]
     """Control step in which each push begins, counted from 0 at the start of the episode, (…, count)."""
     steps: int | NDArray[np.int64]
-    """Duration of each push, control steps: one number for all, 0 if there are no pushes, or (…, count)."""
+    """Duration of each push, control steps: one number for all pushes, or (…, count); 0 if there are no pushes."""
     force: Array
     """Force of each push, world frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
         """Return the pushing force on each of n trunks in a control step, world frame, x and y, (n, 2), N.
 
-        `step` is the control step of each robot's episode, (n,). The result is None if there are no pushes.
+        `step` is the number of control steps since the start of each robot's episode, (n,). The result is None if there
+        are no pushes.
         """
         if isinstance(self.steps, int) and not self.steps:
             return None
@@ -56,7 +58,7 @@ class EpisodeSample:
         dt: Control period, s.
 
     Attributes:
-        streams: Random streams of the episode. Sensor models and noise draw from their streams during the episode.
+        streams: Random streams of the episode. The models of sensors and noise draw from them during the episode.
         start: Initial state (trunk pose, joint offsets, velocities) in the order that `draw_start` documents, (35,).
         pushes: Pushes on the trunk in the episode.
         force: Steady force on the trunk, world frame, (2,), N; None if the scenario has none.
@@ -98,14 +100,15 @@ class EpisodeSample:
     def next_command(self, present: Array | None = None) -> Array:
         """Draw the command of the next command interval, (3,): forward and lateral m/s, yaw rate rad/s.
 
-        Every call takes the same number of values from the random stream, also if it returns a zero command. Later
+        Every call takes the same number of values from the random stream, even if the drawn command is zero. Later
         commands therefore do not depend on the number of zero commands.
 
         Args:
-            present: Present command, (3,), with components that may be kept; None for the first command.
+            present: Present command, (3,); the new command may keep some of its components. None for the first
+                command of the episode.
 
         Returns:
-            The command.
+            The new command, heading frame, (3,).
         """
         ranges = self._scenario.commands
         zero_draw, *unit_draws = self.streams.commands.random(4)
@@ -120,7 +123,7 @@ class EpisodeSample:
         return np.zeros(3) if is_zero else command
 
     def next_interval(self, dt: float) -> int:
-        """Draw the number of control steps of period `dt`, s, until the next command; at least 1."""
+        """Draw the number of control steps until the next command, at least 1; `dt` is the control period, s."""
         ranges = self._scenario.commands
         if not ranges.random_intervals:
             return ranges.steps(dt)
@@ -218,7 +221,7 @@ def _draw_force(steady: SteadyForce, stream: np.random.Generator) -> Array:
 
 
 def control_steps(duration: float, dt: float) -> int:
-    """Convert a `duration`, s, to a number of control steps of period `dt`, s: rounded, and at least 1."""
+    """Return the rounded number of control steps in a `duration`, s, at least 1; `dt` is the control period, s."""
     return max(1, round(duration / dt))
 
 
@@ -231,7 +234,7 @@ def stack_initial_conditions(
         episodes: Random draws of the k episodes.
 
     Returns:
-        starts: Initial states in the order that `draw_start` documents, (k, 35).
+        starts: Initial states (trunk pose, joint offsets, velocities) in the order of `draw_start`, (k, 35).
         forces: Steady forces on the trunk, world frame, (k, 2), N; None if the scenario has none.
         payload_positions: Payload centres relative to the trunk's centre, forward and left, (k, 2), m; None if the
             scenario has no payload.

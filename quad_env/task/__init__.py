@@ -1,1 +1,1 @@
-"""The task: observations, rewards, fall detection, and readings for measurement."""
+"""Task of the environment: observations, rewards, fall detection, and measurements for the evaluator."""

@@ -1,4 +1,4 @@
-"""Observation of the robots as a table of terms, each with a name, width, unit, bound and scale."""
+"""Observation vector of a robot: a table of its terms, their computation from the state, and users' terms."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,16 +18,19 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ObservationTerm:
-    """One vector quantity of the observation: built-in, or a user's `function` of the state."""
+    """One vector quantity of the observation vector, such as the joint angles.
+
+    A term is built-in, or a user defines it by a `function` of the state.
+    """
 
     name: str
     width: int
     """Number of components of the term."""
     unit: str
     bound: float
-    """Values are clipped to [-bound, bound], so that the observation space is finite."""
+    """Largest magnitude of a component, in `unit`; larger values are clipped, so the observation space is finite."""
     scale: float
-    """Factor that scales the values to a magnitude of about 1; learners multiply the observation by it."""
+    """Factor that scales a component to a magnitude of about 1; learners multiply the observation by this factor."""
     function: Callable[[Any], Any] | None = None
     """Function of the true state, a `QuadState`, that returns the values of the term.
 
@@ -69,7 +72,7 @@ class ObservationTerm:
 class ObservationTable:
     """Layout of a robot's observation vector: the terms with their slices, bounds and scales.
 
-    The function `observation_table` returns a cached table of a robot.
+    The function `observation_table` creates a table, and returns the same table for the same robot.
 
     Args:
         robot: The observed robot.
@@ -96,17 +99,20 @@ class ObservationTable:
         self.slices = {t.name: slice(end - t.width, end) for t, end in zip(self.terms, ends, strict=True)}
         """Name of each term -> its slice of the observation."""
         self.sensed = slice(0, self.slices["previous_action"].start)
-        """Slice of the terms that sensors measure: all built-in terms except previous action and command."""
+        """Slice of the observation with the terms that sensors measure.
+
+        These are all built-in terms except `previous_action` and `command`.
+        """
         self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
         """Bound of every component of the observation, (size,); the observation space is [-bound, bound]."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
-        """Factor on every component of the observation that scales it to about 1, for learners, (size,)."""
+        """Factor that scales each component of the observation to a magnitude of about 1, for learners, (size,)."""
         bound = self.bound[: self.slices["command"].stop]
         self._limits = (-bound, bound)
-        """Lower and upper bounds of the components of the built-in terms."""
+        """Lower and upper bounds of all components of the built-in terms, (width,) each."""
         known_bound = bound[self.sensed.stop :]
         self._known_limits = (-known_bound, known_bound)
-        """Lower and upper bounds of the components of the terms `previous_action` and `command`."""
+        """Lower and upper bounds of the components of the terms `previous_action` and `command`, (width,) each."""
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = False
         self.scale.flags.writeable = False
@@ -163,7 +169,10 @@ def _clipped_rows(
 
 
 observation_table = cache(ObservationTable)
-"""Return the `ObservationTable` of a robot and further terms; the same arguments give the same object."""
+"""Function that returns the `ObservationTable` of a robot and further terms.
+
+The same arguments give the same object.
+"""
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each observation term of the robot SimpleQuad -> slice of the observation vector."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
@@ -182,7 +191,7 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
     Raises:
         ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
-    if observations == ():  # the usual case, which must be fast because policies call this function at every step
+    if observations == ():  # This usual case must be fast, because policies call this function at every step.
         return ()
     if isinstance(observations, str | ObservationTerm):
         observations = (observations,)

@@ -10,9 +10,9 @@ from quad_env.robots.kinematics import feet_in_world, foot_depths
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1), np.zeros(1), np.zeros(1))
-"""Zero command for the state that `compute_readings` computes; no measurement depends on the command."""
+"""Zero velocity command, with which `compute_readings` computes a state; measurements do not depend on it."""
 _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
-"""Names of the measurements that are vector fields of `QuadState`."""
+"""Names of the measurements that are copied from the vector fields of `QuadState` with the same names."""
 
 
 def compute_readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
@@ -30,7 +30,7 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
     vertical_velocity  (n,)        vertical velocity of the trunk, world frame, m/s
     tilt               (n,)        angle between the trunk's z axis and the vertical, rad
     joint_position     (n, 12)     joint angles, rad
-    joint_velocity     (n, 12)     joint speeds, rad/s
+    joint_velocity     (n, 12)     joint velocities, rad/s
     joint_torque       (n, 12)     servo torques, N·m
     action             (n, 12)     joint targets after clipping, rad
     foot_position      (n, 4, 3)   centres of the foot spheres, world frame, m
@@ -52,7 +52,8 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
 
     Args:
-        simulation: Simulation of the robots; without a motor meter the measurements over the control step are absent.
+        simulation: Simulation of the robots. If it has no motor meter, the measurements "over the control step" are
+            absent.
         state: Present state of all robots; None to compute the state from the simulation.
 
     Returns:
@@ -77,7 +78,7 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
 
 
 def _foot_readings(simulation: Simulation, state: QuadState[Array]) -> Readings:
-    """Measure foot positions, foot heights, and foot and leg contacts: name -> values, (n, ...)."""
+    """Return the measurements of foot positions, foot heights and ground contacts: name -> values, (n, ...)."""
     robot = simulation.robot
     position = np.transpose(state.position)
     joints = np.transpose(state.joint_position)

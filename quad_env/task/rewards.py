@@ -1,8 +1,8 @@
-"""Reward terms: pure functions of the state; the weights are in `config.RewardWeights`.
+"""Reward terms, which are pure functions of the state, and their weighted values in a control step.
 
-Every term accepts a state of one robot (floats) or of n robots (arrays), see `columns`. The tracking terms have the
-usual exponential form. Their exponent contains the error e instead of e², because then small errors still give a
-gradient.
+The weights are in `config.RewardWeights`. Every term accepts a state of one robot (floats) or of n robots (arrays), see
+`columns`. The tracking terms have the usual exponential form. Their exponent contains the error e instead of e²,
+because the gradient of exp(-e) does not vanish at small errors.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -29,42 +29,51 @@ from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 
 LINEAR_ERROR_SCALE = 0.25
-"""Error of the planar velocity at which the reward `linear_velocity_tracking` is exp(-1), m/s."""
+"""Error of the horizontal velocity at which the term `linear_velocity_tracking` is exp(-1), m/s."""
 YAW_ERROR_SCALE = 0.25
-"""Error of the yaw rate at which the reward `yaw_rate_tracking` is exp(-1), rad/s."""
+"""Error of the yaw rate at which the reward term `yaw_rate_tracking` is exp(-1), rad/s."""
 NEUTRAL_SWING_TIME = 0.15
-"""Swing duration at which the reward `foot_air_time` is 0, about the swing duration of a trot, s.
+"""Swing duration at which the reward term `foot_air_time` is 0, about the swing duration of a trot, s.
 
-Longer swings increase the reward, and shorter swings decrease it.
+The term is positive for longer swings, and negative for shorter swings.
 """
 MIN_HEIGHT_FRACTION = 0.85
-"""Trunk height below which the term `crouch` is above 0, as a fraction of the trunk height in the home pose."""
+"""Trunk height below which the reward term `crouch` is positive, as a fraction of the home height."""
 MAX_STAND_COMMAND = 0.1
-"""Largest norm of a velocity command (forward m/s, lateral m/s, yaw rate rad/s) that means "stand still"."""
+"""Largest norm of a velocity command with which the reward term `foot_air_time` is 0.
+
+The norm is √(forward² + lateral² + yaw rate²), in m/s and rad/s.
+"""
 SWING_HEIGHT_FRACTION = 0.2
-"""Height of the underside of a foot at mid-swing, as a fraction of the home trunk height; 0.06 m for go1."""
+"""Desired height of the underside of a foot at mid-swing, as a fraction of the trunk's home height.
+
+The terms `gait` and `foot_clearance` use it. For the robot go1, the height is 0.06 m.
+"""
 MAX_SWING_HEIGHT_RATIO = 1.25
-"""Height of a swing foot above which the gait reward falls again, relative to the height at mid-swing."""
+"""Height of a swing foot above which the reward term `gait` decreases, as a multiple of the mid-swing height."""
 SWING_HEIGHT_WIDTH_RATIO = 0.6
-"""Height error at which the gait reward of a swing foot is 1/e, relative to the height at mid-swing."""
+"""Height error of a swing foot at which the term `gait` falls to 1/e, as a multiple of the mid-swing height."""
 SLIP_SCALE = 0.05
-"""Squared horizontal foot speed at which the gait reward of a stance foot is 1/e, (m/s)²."""
+"""Squared horizontal speed of a stance foot at which the reward term `gait` falls to 1/e, (m/s)²."""
 POSE_WEIGHTS = (1.0, 1.0, 0.1)
-"""Weights of hip, thigh and calf in the pose reward, 1/rad²; swinging legs bend the knees most."""
+"""Weights of the hip, thigh and calf joints of a leg in the reward term `pose`, 1/rad².
+
+The weight of the calf is small, because a leg must bend its knee to swing.
+"""
 SOFT_LIMIT_FRACTION = 0.95
-"""Central fraction of a joint's range in which the term `joint_limits` is zero."""
+"""Fraction of a joint's range, around its centre, within which the reward term `joint_limits` is 0."""
 
 
 def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-‖e‖ / LINEAR_ERROR_SCALE) with the planar velocity error e, heading frame, m/s.
+    """Return exp(-‖e‖ / LINEAR_ERROR_SCALE) with the horizontal velocity error e, heading frame, (2), m/s.
 
-    The error is the command minus the velocity of the trunk.
+    The error is the commanded velocity minus the velocity of the trunk.
     """
     return exp(-linear_velocity_error(state) / LINEAR_ERROR_SCALE)
 
 
 def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-‖e‖ / YAW_ERROR_SCALE) with the yaw-rate error e about the world's vertical, rad/s.
+    """Return exp(-|e| / YAW_ERROR_SCALE) with the error e of the yaw rate about the world's vertical, rad/s.
 
     The error is the commanded yaw rate minus the yaw rate of the trunk.
     """
@@ -72,9 +81,9 @@ def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the magnitude of the planar velocity error (command minus velocity), heading frame, m/s.
+    """Return the magnitude of the horizontal velocity error (command minus velocity), heading frame, m/s.
 
-    This term has a gradient at large errors too, but the exponential term `linear_velocity_tracking` hardly has one.
+    At large errors, this term still has a gradient, but the term `linear_velocity_tracking` is nearly constant.
     """
     forward = state.command[0] - state.heading_velocity[0]
     lateral = state.command[1] - state.heading_velocity[1]
@@ -104,36 +113,36 @@ def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return how far the trunk is below MIN_HEIGHT_FRACTION of the home height; 0 if it is higher.
+    """Return the distance of the trunk below MIN_HEIGHT_FRACTION of the home height; 0 for a higher trunk.
 
-    The home height is the height of the trunk in the home pose. The distance is a fraction of the home height.
+    The home height is the height of the trunk in the home pose. The returned distance is a fraction of the home height.
     """
     shortfall = MIN_HEIGHT_FRACTION - state.height / state.standing_height
     return cast("ScalarOrBatch", where(shortfall > 0.0, shortfall, 0.0))
 
 
 def action_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the squared change of the joint targets since the last step, summed over joints, rad²."""
+    """Return Σ (change of the joint target since the last control step)² over the joints, rad²."""
     return sum_of_squares(differences(state.action, state.previous_action))
 
 
 def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the squared joint torques, summed over joints, (N·m)²."""
+    """Return Σ (joint torque)² over the joints, (N·m)²."""
     return sum_of_squares(state.joint_torque)
 
 
 def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the mechanical power Σ ‖torque · joint speed‖ over the joints, W."""
+    """Return the mechanical power Σ |joint torque · joint velocity| over the joints, W."""
     return state.mechanical_power
 
 
 def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (swing duration - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
 
-    The term is 0 if the command means "stand still", see `MAX_STAND_COMMAND`. It is also 0 if the simulation does not
-    measure swings, which it does only if a reward or observation term needs them. The term follows legged_gym (Rudin et
-    al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`). In both, the term is also 0 for a command to
-    turn on the spot.
+    The term is 0 if the norm of the command is at most `MAX_STAND_COMMAND`. It is also 0 if the simulation does not
+    measure swing durations. The simulation measures them only if a reward or observation term needs them. The term
+    follows legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`). In these two
+    projects, the term is also 0 for a command to turn on the spot.
     """
     if state.swing_time is None:
         return 0.0 * abs(state.height)
@@ -148,22 +157,24 @@ def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (downward speed)² over the feet that touch down in this step, (m/s)².
 
-    The term is 0 if the simulation does not measure touchdowns, which it does only if a reward or observation term
-    needs them.
+    The term is 0 if the simulation does not measure touchdown speeds. The simulation measures them only if a reward or
+    observation term needs them.
     """
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
 def is_stand_command(state: QuadState[ScalarOrBatch]) -> Any:
-    """Return True for robots that are commanded to stand: all components of the command are zero."""
+    """Return True for robots with a zero velocity command, which are commanded to stand; a bool or (n,)."""
     return sum_of_squares(state.command) == 0.0
 
 
 def gait(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the mean over the feet, 0 to 1, of the agreement between foot motion and gait clock.
+    """Return the agreement of the foot motions with the gait clock, 0 to 1, averaged over the feet.
 
-    A leg with a positive sine of its phase has to swing, at a height in proportion to the sine; the others have to
-    stand without slip. All feet have to stand if the command is zero. The term is 0 without a clock.
+    The gait clock gives each leg a phase in its stride. A leg should swing while the sine of its phase is positive, and
+    stand otherwise. A swing foot gets the full value if its height, as a multiple of the mid-swing height, is at least
+    the sine and at most `MAX_SWING_HEIGHT_RATIO`. A stance foot gets the full value if it does not slip. Between sines of -0.5 and 0.5, the values for swing and
+    stance are blended. All feet should stand if the command is zero. The term is 0 if there is no gait clock.
     """
     if state.leg_phase is None or state.foot_contact is None or state.foot_height is None or state.foot_speed is None:
         return 0.0 * abs(state.height)
@@ -178,9 +189,11 @@ def gait(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def _foot_agreement(sine: Any, moves: Any, contact: Any, height: Any, speed: Any) -> Any:
-    """Return the agreement of a foot with the clock, 0 to 1, from the `sine` of its phase and its motion.
+    """Return the agreement of one foot with the gait clock, 0 to 1, a float or an array (n,).
 
-    `height` is relative to the mid-swing height, `moves` is 0 for a robot that has to stand and 1 for others.
+    `sine` is the sine of the leg's phase, and 0 for a robot that should stand. `moves` is 1 for a robot that should
+    move, and 0 for a robot that should stand. `contact` is True for a foot on the ground. `height` is the height of the
+    foot, as a multiple of the mid-swing height. `speed` is the horizontal speed of the foot, m/s.
     """
     too_low = where(height < sine, sine - height, 0.0)
     too_high = where(height > MAX_SWING_HEIGHT_RATIO, height - MAX_SWING_HEIGHT_RATIO, 0.0)
@@ -192,23 +205,29 @@ def _foot_agreement(sine: Any, moves: Any, contact: Any, height: Any, speed: Any
 
 
 def pose(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-Σ w e²) of the deviation e of the joints from the home pose, with the weights `POSE_WEIGHTS`."""
+    """Return exp(-Σ w e²), summed over the joints, from 0 to 1; e is a joint's deviation from the home pose, rad.
+
+    The weights w are `POSE_WEIGHTS`, 1/rad².
+    """
     deviations = differences(state.joint_position, state.home_pose)
     weighted: Iterable[ScalarOrBatch] = (w * e * e for w, e in zip(POSE_WEIGHTS * 4, deviations, strict=True))
     return exp(-ordered_sum(weighted))
 
 
 def stand_still(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ ‖e‖ of the joints' deviation e from the home pose, rad, if the command is zero; otherwise 0.
+    """Return Σ |deviation from the home pose| over the joints, rad, if the command is zero; otherwise 0.
 
-    See legged_gym (Rudin et al. 2022, `_reward_stand_still`).
+    The term follows legged_gym (Rudin et al. 2022, `_reward_stand_still`).
     """
     deviation: ScalarOrBatch = ordered_sum(map(abs, differences(state.joint_position, state.home_pose)))
     return cast("ScalarOrBatch", where(is_stand_command(state), deviation, 0.0))
 
 
 def joint_limits(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return how far the joints are outside of the central `SOFT_LIMIT_FRACTION` of their range, rad, summed."""
+    """Return the sum over the joints of the angle beyond the soft joint limits, rad; 0 within the limits.
+
+    The soft limits bound the central `SOFT_LIMIT_FRACTION` of a joint's range.
+    """
     joints = zip(state.joint_position, state.joint_lower, state.joint_upper, strict=True)
     excess: Iterable[ScalarOrBatch] = (
         abs(angle - (lower + upper) / 2.0) - SOFT_LIMIT_FRACTION * (upper - lower) / 2.0
@@ -219,7 +238,10 @@ def joint_limits(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def foot_slip(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ (horizontal speed)² over the feet in contact, (m/s)²; 0 if the simulation does not track feet."""
+    """Return Σ (horizontal foot speed)² over the feet on the ground, (m/s)².
+
+    The term is 0 if the simulation does not track the feet, which it does only if a term needs their motion.
+    """
     if state.foot_contact is None or state.foot_speed is None:
         return 0.0 * abs(state.height)
     feet = zip(state.foot_contact, state.foot_speed, strict=True)
@@ -228,9 +250,10 @@ def foot_slip(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def foot_clearance(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ (height error)² · (horizontal speed) over the feet, m²·m/s; 0 if the simulation does not track feet.
+    """Return Σ (height error)² · (horizontal speed) over the feet, m²·m/s.
 
-    The height error is relative to the mid-swing height, `SWING_HEIGHT_FRACTION` of the home height.
+    The height error is the height of a foot minus the desired mid-swing height, which is `SWING_HEIGHT_FRACTION` of the
+    trunk's home height. The term is 0 if the simulation does not track the feet.
     """
     if state.foot_height is None or state.foot_speed is None:
         return 0.0 * abs(state.height)
@@ -241,7 +264,7 @@ def foot_clearance(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 RewardFunction = Callable[[QuadState[Any]], Any]
-"""Function of a `QuadState` that returns an unweighted reward term: a float for one robot, or an array (n,)."""
+"""Type of a function of a `QuadState` that returns an unweighted reward term, a float or an array (n,)."""
 REWARD = "reward_"
 """Prefix of the key of every reward term in the infos."""
 FUNCTIONS: tuple[RewardFunction, ...] = (
@@ -265,25 +288,28 @@ FUNCTIONS: tuple[RewardFunction, ...] = (
     foot_slip,
     foot_clearance,
 )
-"""Functions of the built-in reward terms; a function and its weight in `RewardWeights` have the same name."""
+"""Functions of the built-in reward terms; each has the same name as its weight in `RewardWeights`."""
 _FUNCTION_OF: dict[str, RewardFunction] = {function.__name__: function for function in FUNCTIONS}
 TERMS: dict[str, RewardFunction] = {
     f"{REWARD}{term.name}": _FUNCTION_OF[term.name] for term in fields(RewardWeights) if term.name != "fall"
 }
-"""Key of each built-in reward term in the infos -> function; the term `fall`, which has no function, is absent."""
+"""Key of each built-in reward term in the infos -> its function; the term `fall` has no function and is absent."""
 FALL = f"{REWARD}fall"
-"""Key of the reward term `fall` in the infos, which penalises a fall or diverged simulation that ends an episode."""
+"""Key of the reward term `fall` in the infos.
+
+The term penalises the end of an episode by a fall or by a diverged simulation.
+"""
 FOOT_TERMS = ("foot_air_time", "touchdown_speed", "gait", "foot_slip", "foot_clearance")
-"""Names of the terms that need contacts and motion of the feet."""
+"""Names of the reward terms for which the simulation must track ground contacts and motion of the feet."""
 OPTIONAL_TERMS = ("gait", "pose", "stand_still", "joint_limits", "foot_slip", "foot_clearance")
-"""Names of the terms that are left out, also in the infos, if their weight is 0."""
+"""Names of the reward terms that are not computed, and have no key in the infos, if their weight is 0."""
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Compute the factor on each built-in reward term in one control step, without optional terms of weight 0.
+    """Compute the factor on each built-in reward term in one control step.
 
     The weights are rewards per second, so they are multiplied by the control period. The weight of `fall` is not
-    multiplied, because a fall counts once.
+    multiplied, because a fall counts once. Terms in `OPTIONAL_TERMS` with the weight 0 are left out.
 
     Args:
         weights: Weights of the reward terms.
@@ -326,7 +352,7 @@ class UserReward:
     name: str
     function: RewardFunction
     weight: float
-    """Factor on the value of `function`, as reward per second."""
+    """Reward per second and per unit of the value of `function`."""
 
     def weighted(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask, dt: float) -> ScalarOrBatch:
         """Compute the weighted term of a control step; it is 0 for robots with a diverged simulation.

@@ -1,4 +1,4 @@
-"""Fall detection: ground contact of the trunk, and the limits of tilt and height in `config.FallRule`."""
+"""Fall detection by ground contact of the trunk and by the limits of tilt and height in `config.FallRule`."""
 
 import math
 from typing import Any
@@ -15,7 +15,7 @@ def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, min_height
 
     Args:
         state: Present state of one robot or of n robots.
-        rule: Fall rule, which defines the maximum tilt.
+        rule: Fall rule; only its maximum tilt, rad, is used here.
         min_height: Minimum height of the trunk above the terrain, from `FallRule.min_trunk_height`, m.
 
     Returns:
