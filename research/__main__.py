@@ -1,17 +1,20 @@
-"""`python -m research COMMAND`: the studies behind the numbers in the documentation.
+"""Command line of the studies that measure the documentation's numbers: `python -m research COMMAND`.
 
-Each command has a --help.
+`python -m research COMMAND --help` prints the description and the options of a command.
 """
 
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # because a file `evaluate.py` of the user must not hide the package `evaluate`
+# The folder of the project comes first in `sys.path`. Otherwise a file `evaluate.py` in the working folder would hide
+# the package `evaluate`.
+if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # here because Ctrl-C must also work during the slow imports below
+# The call is above the imports below, because Ctrl-C must also work during these slow imports.
+if __name__ == "__main__":
     launcher.leave_on_interrupt()
 
 from quad_env.cli.program import Command, Program
@@ -40,6 +43,7 @@ COMMANDS = {
     ),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
+"""Name of a command -> module of the command, and its description in the list of commands."""
 PROGRAM = Program("python -m research", COMMANDS)
 main = PROGRAM.main
 

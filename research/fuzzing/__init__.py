@@ -1,4 +1,4 @@
-"""Fuzzing: tests of the functions that read files of users and other projects with faulty files.
+"""Fuzzing of the functions that read files of users and of other projects: a test with faulty files.
 
-The faulty files are made by random changes of valid files.
+The files contain policies, robots or terrains. Random changes of valid files give the faulty files.
 """

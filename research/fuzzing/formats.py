@@ -1,4 +1,7 @@
-"""Table of the fuzzed file formats: functions that write mutated files, and functions that read them."""
+"""Table of the file formats in the fuzz test, with the functions that write and read a mutated file.
+
+A mutated file is a valid file with random changes.
+"""
 
 from policies.base import PolicyError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -21,9 +24,13 @@ FORMATS: dict[str, tuple[Write, Read]] = {
     "urdf": (xml_writer(SIMPLE_QUAD.mjcf.with_suffix(".urdf"), "robot.urdf"), readers.read_robot),
     "terrain": (writers.write_terrain, readers.read_terrain),
 }
-"""Name of a file format -> function that writes a randomly changed file, and function that reads the file."""
-OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""Exceptions with which a reader of the project may refuse a faulty file; any other exception is a finding.
+"""Name of a file format -> (function that writes a mutated file, function that reads and checks the file).
 
-`ModelError` is included, because it is a subclass of ValueError.
+A mutated file is a valid file with random changes.
+"""
+OWN_ERRORS = (PolicyError, ValueError, OSError)
+"""Exceptions with which a reader of the project may refuse a faulty file.
+
+The fuzz test reports any other exception as a finding. `ModelError` is included, because it is a subclass of
+ValueError.
 """

@@ -1,4 +1,7 @@
-"""Random changes of the content of a valid file: of nested values, of XML elements, and of bytes."""
+"""Functions that randomly change the content of a valid file: nested values, XML elements, or bytes.
+
+The changed files test the functions that read files.
+"""
 
 import copy
 import math
@@ -8,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 Tree = Any
-"""Content of a settings file: nested dictionaries and lists with texts, numbers and None, as in YAML."""
+"""Type of the content of a settings file: nested dictionaries and lists with texts, numbers and None."""
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, 1, -1, 0.0, 1e-300, 1e300, 1e9, -1e9, 1e-9, math.nan, math.inf, 10**30, 10**400),
     *("", "x", "1_0", "５", "1:30", "nan", "1e400", "x" * 5000, "((a*)*)*!", "(", "../..", "/dev/zero", "\x1b[31m"),
@@ -26,7 +29,7 @@ ODD_VALUES: tuple[Any, ...] = (
         [[0, 1]] * 12,
     ),
 )
-"""Values of several types that replace valid values in a settings file."""
+"""Unusual values, for example NaN or an empty list, that replace valid values in a settings file."""
 ODD_TEXTS = (
     "",
     "x",
@@ -44,7 +47,7 @@ ODD_TEXTS = (
     "９",
     "a" * 3000,
 )
-"""Texts that replace valid values of XML attributes."""
+"""Unusual texts, for example `nan` or an empty text, that replace valid values of XML attributes."""
 ODD_BYTES = (
     b"\x00",
     b"\xff",
@@ -60,9 +63,9 @@ ODD_BYTES = (
     b"9" * 400,
     b"(" * 3000,
 )
-"""Byte sequences that are inserted into a file at random positions."""
+"""Unusual byte sequences, for example a null byte, that are inserted into a file at random positions."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
-"""Factors for random changes of a number: the number is multiplied by one of them."""
+"""Factors, dimensionless; a random change of a number multiplies the number by one of these factors."""
 
 
 def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
@@ -198,14 +201,15 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
 
 
 def _with_odd_number(text: str, rng: np.random.Generator) -> str:
-    """Replace one number in a text of numbers that spaces separate, as in an XML attribute.
+    """Change one random number in a text of numbers separated by spaces, as in an XML attribute.
 
     Args:
         text: Numbers as text.
         rng: Random generator.
 
     Returns:
-        The text, in which one number is scaled by a random factor, or one word is replaced by an odd text.
+        The changed text. The number is multiplied by a random factor. A word that is not a number is replaced by one
+        of ODD_TEXTS.
     """
     words = text.split() or [""]
     index = int(rng.integers(len(words)))

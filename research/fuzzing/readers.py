@@ -1,6 +1,7 @@
-"""Functions that read the fuzzed files, and check that the robot, policy or terrain is plausible.
+"""Functions that read the mutated files of the fuzz test, and check that their content is plausible.
 
-Each function raises one of `formats.OWN_ERRORS` for a faulty file, and AbsurdError for an implausible result.
+A mutated file is a valid file with random changes; it describes a robot, a policy or a terrain. Each function raises
+one of `formats.OWN_ERRORS` for a faulty file, and AbsurdError for implausible content.
 """
 
 from collections.abc import Callable
@@ -22,14 +23,16 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import HeightField
 
 Read = Callable[[Path], None]
-"""Function that reads the file or folder at a path, and checks the result.
+"""Type of a function that takes the path of a file or folder, reads it, and checks its content.
 
-It raises one of `formats.OWN_ERRORS` if the file is faulty, and AbsurdError if the result is implausible.
+The function raises one of `formats.OWN_ERRORS` if the file is faulty, and AbsurdError if its robot, policy or terrain
+is implausible.
 """
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Largest size of the observation history for which `read_spec` also creates an observation adapter.
+"""Size of the observation history, in numbers, from which on `read_spec` creates no observation adapter.
 
-The size is the number of values in an observation times the longest history of a term, in steps.
+The adapter converts observations of this project to observations of the policy. The size is the number of values in an
+observation, multiplied by the longest history of an observation term, in control steps of the policy.
 """
 
 
@@ -38,7 +41,11 @@ class AbsurdError(AssertionError):
 
 
 def read_spec(file: Path) -> None:
-    """Read the specification of a policy and adapt it to SimpleQuad; raise AbsurdError if implausible."""
+    """Read the specification of a policy and adapt it to SimpleQuad; raise AbsurdError if implausible.
+
+    The specification has the observations, the actions, the servo gains and the control rate of the policy. The
+    function does nothing if the file contains no specification.
+    """
     spec = readers.read(file)
     if spec is None:
         return
@@ -65,12 +72,16 @@ def read_onnx(file: Path) -> None:
     act: Any = policy()  # type: ignore[operator]
     try:
         act(np.zeros(48, np.float32))
-    except Exception as error:  # because the subprocess of a policy reports any exception as an error of the policy
+    # Every exception is caught, because the subprocess of a policy reports every exception as an error of the policy.
+    except Exception as error:
         raise PolicyError(f"it raises {type(error).__name__}") from None
 
 
 def read_bundle(folder: Path) -> None:
-    """Load a bundle (trained policy's folder); raise AbsurdError if its correction limit is implausible."""
+    """Load a bundle (trained policy's folder); raise AbsurdError if its correction limit is implausible.
+
+    The correction limit is the largest correction of each joint target, rad. It must be between 0 and π.
+    """
     policy = bundle.load(folder)
     if not (np.isfinite(policy.authority).all() and policy.authority.min() >= 0.0 and policy.authority.max() <= np.pi):
         raise AbsurdError(f"an authority of {policy.authority}")

@@ -1,9 +1,9 @@
-"""Fuzz the readers of other people's files: `python -m research fuzz FORMAT --minutes 30`, or `all`.
+"""Test of the readers of other people's files with faulty files: `python -m research fuzz FORMAT`.
 
-A case is a valid file with a few random changes. The seed and the number of the case determine the changes, so that
-`--first N --cases 1` repeats case N.
+FORMAT is a file format, or `all`. In each case, the command writes a valid file with a few random changes and reads it.
+The seed and the number of the case determine the changes, so that `--first N --cases 1` repeats case N.
 
-The findings are:
+The command reports these findings:
 - an exception of a library,
 - an error message of several lines,
 - a case that takes longer than 10 s,
@@ -35,9 +35,12 @@ from research.fuzzing.formats import FORMATS, OWN_ERRORS
 from research.fuzzing.readers import AbsurdError
 
 HANG_TIME = 10.0
-"""Maximum duration of a case, s; the time in which the process waits for a processor does not count."""
+"""Maximum duration of a case, s; a case reads one mutated file (valid file with random changes).
+
+The time in which the process waits for a processor does not count. A case that takes longer is a finding.
+"""
 MAX_MEMORY = 2**30
-"""Maximum additional memory that a case may use, bytes; a case that uses more is a finding."""
+"""Maximum additional memory for the reading of one mutated file, bytes; more memory is a finding."""
 PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
 """Names of the project's packages; an exception that is raised in one of them is not from a library."""
 MAX_LINE = 3000
@@ -47,9 +50,9 @@ POLL_PERIOD = 0.2
 REPORT_PERIOD = 10.0
 """Time between two printed lines about the progress, s."""
 READ = "read"
-"""Kind of a case result: the file was read, and its content is plausible."""
+"""Kind of the result of a case: the reader accepted the mutated file, and its content is plausible."""
 REFUSED = "refused"
-"""Kind of a case result: the file was refused with an error message of one line."""
+"""Kind of the result of a case: the reader refused the mutated file with an error message of one line."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class FuzzOptions:
     minutes: float = 1.0
     """Duration of the test of each format, min, at least 0.01."""
     cases: int = 0
-    """Number of cases of each format; 0 for no limit except the time."""
+    """Number of cases (mutated files) of each format; 0: only --minutes limits the test."""
     first: int = 0
     """Number of the first case, a whole number >= 0."""
     seed: int = 0
@@ -75,9 +78,12 @@ class CaseResult:
     """Result of a case (one mutated file that was read), made by `run_case` or by the parent process."""
 
     number: int
-    """Number of the case, which with the seed determines the random changes of the file."""
+    """Number of the case, >= 0; the number and the seed determine the random changes of the file."""
     kind: str
-    """READ, REFUSED, or the name of a finding: traceback, absurd, not one line, memory, hang, end of the process."""
+    """READ, REFUSED, or the name of a finding.
+
+    The findings are `traceback` (exception of a library), `absurd` (implausible content), `not one line` (error message
+    of several lines), `memory`, `hang` and `end of the process`."""
     detail: str = ""
     """Details of a finding, for example a traceback; empty for READ and REFUSED."""
 
@@ -113,7 +119,7 @@ def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
     Args:
         name: Name of the format.
         options: Options of the command.
-        interrupt: State of Ctrl-C, after which no further case is run.
+        interrupt: Object that records Ctrl-C; no further case is run after Ctrl-C.
 
     Returns:
         Number of cases with a finding.
@@ -209,9 +215,10 @@ def _peak_memory() -> int:
 
 
 def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
-    """Run cases in a subprocess and yield their results, without end, from the case `options.first` on.
+    """Run cases in a subprocess, and yield the result of each case, from the case `options.first` on.
 
-    If the subprocess hangs or ends, the case is a finding, and a new subprocess continues with the next case.
+    The generator never ends. If the subprocess hangs or ends, the case is a finding, and a new subprocess continues
+    with the next case.
     """
     context: Any = multiprocessing.get_context("spawn")
     number = options.first

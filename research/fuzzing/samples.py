@@ -1,4 +1,4 @@
-"""Valid contents of the fuzzed settings files before random changes, as dictionaries and lists."""
+"""Valid contents of settings files, as dictionaries and lists; the fuzz test changes them at random."""
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _KINDS = ("hip_joint", "thigh_joint", "calf_joint")

@@ -1,4 +1,7 @@
-"""Functions that write valid files with random changes of values or bytes into an empty folder."""
+"""Functions that write mutated files into an empty folder, for the fuzz test of the file readers.
+
+A mutated file is a valid file with random changes of its values or bytes.
+"""
 
 import io
 import json
@@ -19,15 +22,18 @@ from research.fuzzing.mutations import mutate_bytes, mutate_tree, mutate_xml
 
 Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
-"""Function that takes an empty folder and a random generator, writes a mutated file and returns its path."""
+"""Type of a function that takes an empty folder and a random generator, writes a mutated file and returns its path."""
 BYTES_SHARE = 0.2
-"""Probability that random bytes of a file are changed."""
+"""Probability that a writer changes random bytes of the file.
+
+Most writers otherwise change values of the content. The writers of ONNX files always change values as well.
+"""
 METADATA_BYTES_SHARE = 0.5
-"""Fraction of the ONNX files of mjlab in which random bytes of one metadata text are changed."""
+"""Probability that random bytes of one metadata text are changed in an ONNX file with mjlab's metadata."""
 ARRAY_SHARE = 0.4
-"""Fraction of the terrains in which random bytes in the header of the file with the heights are changed."""
+"""Probability that random bytes are changed in the header of a terrain's file with heights (.npy)."""
 MAX_METADATA = 5000
-"""Maximum length of a metadata text in an ONNX file before changes of its bytes, characters."""
+"""Number of characters after which a metadata text is cut before it is written into an ONNX file."""
 _NPY_HEADER = 128
 """Size of the header of a NumPy file (.npy), bytes."""
 _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "NoSuch", "Reshape", "Tile", "Exp")
@@ -84,7 +90,7 @@ def xml_writer(source: Path, name: str) -> Write:
 
 
 def write_rl_sar(folder: Path, rng: Rng) -> Path:
-    """Write the files `config.yaml` and `base.yaml` of rl_sar, one of them with random changes.
+    """Write the files `config.yaml` and `base.yaml` of the software rl_sar, one with random changes.
 
     Args:
         folder: Empty folder.
@@ -94,7 +100,7 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
         Path of `config.yaml`.
     """
     config, base = samples.RL_SAR
-    changed_file = int(rng.integers(3))  # 0: config.yaml; 1 and 2: base.yaml
+    changed_file = int(rng.integers(3))  # 0 means config.yaml; 1 and 2 mean base.yaml.
     file = settings_writer(config, "go2/lab/config.yaml", "go2/lab/policy.onnx")(folder, rng)
     if changed_file:
         file.write_bytes(_to_text(config, ".yaml"))
@@ -105,7 +111,7 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def write_mjlab(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with the metadata of mjlab, with random changes of the metadata.
+    """Write an ONNX file with metadata as of the training framework mjlab, changed at random.
 
     Args:
         folder: Empty folder.
@@ -139,7 +145,10 @@ def write_onnx(folder: Path, rng: Rng) -> Path:
 
 
 def _write_content(content: bytes, file: Path, rng: Rng) -> Path:
-    """Write `content` into a file, with random byte changes with the probability BYTES_SHARE."""
+    """Write `content` into `file` and return `file`; change random bytes with probability BYTES_SHARE.
+
+    `rng` is the random generator.
+    """
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < BYTES_SHARE else content)
     return file
 
@@ -192,11 +201,12 @@ def _mutate_graph(graph: Any, rng: Rng) -> None:
 
 
 def _has_shape(graph: Any) -> bool:
+    """Return True if the first input of an ONNX graph has a shape, a list of dimensions."""
     return bool(graph.input and graph.input[0].type.tensor_type.shape.dim)
 
 
 def write_bundle(folder: Path, rng: Rng) -> Path:
-    """Write a copy of the folder of the shipped residual policy, with random changes of one file.
+    """Copy the folder of the shipped policy `residual`, and make random changes in one of the files.
 
     Args:
         folder: Empty folder.

@@ -37,15 +37,21 @@ than 5 % of the tests are significant."""
 FALL_RATIO = 0.8
 """Fall probability of the second policy of a pair, divided by the fall probability of the first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
-"""Lower and upper bound of the coverage of 95 % intervals that may be wider than necessary."""
+"""Lower and upper bound of the coverage of 95 % intervals that may be wider than necessary.
+
+The coverage is the fraction of the intervals that contain the true value.
+"""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
 """Severities of the synthetic disturbance axis 'push': impulses, N·s."""
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
-"""Fall curves of three kinds of episodes; their sum is exactly one half at one of the axis's severities."""
-STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
-"""Fall curves of two kinds of episodes.
+"""Fall curves (fall probability as a function of the severity, N·s) of three kinds of episodes.
 
-Their sum, the fall probability, is almost constant and below one half over a range of severities.
+Their sum, the fall probability of all episodes, is close to one half (0.502) at the severity 50 N·s.
+"""
+STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
+"""Fall curves (fall probability as a function of the severity, N·s) of two kinds of episodes.
+
+Their sum, the fall probability of all episodes, is almost constant and below one half over a range of severities.
 """
 AXES = {
     "": SyntheticAxis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
@@ -59,10 +65,15 @@ AXES = {
 }
 """Suffix of a check's name -> synthetic disturbance axis, on which breaking points are estimated.
 
-The fall probability is a logistic curve, or a curve that a logistic model cannot fit.
+A disturbance axis is a kind of disturbance with several severities. The breaking point is the severity at which half of
+the episodes fall. On each axis, the fall probability is a logistic curve, or a curve that a logistic model cannot fit.
 """
 
 CheckFunction = Callable[[np.random.Generator], bool]
+"""Type of a function that draws a data set with a random generator, and tries one interval or test on it.
+
+The result is True (positive) if the interval contains the true value, or if the test is significant.
+"""
 """Function that draws one data set with a random generator, and returns True if the result is positive."""
 
 
@@ -71,17 +82,19 @@ class CalibrationCheck:
     """Check of a confidence interval or test, which `rejection_rate` repeats on many data sets."""
 
     name: str
-    """Name of the check, which is printed with its rate."""
+    """Name of the check, which is printed with its rate of positive results."""
     count: int
     """Number of episodes in one data set of the check."""
     fall_probability: float
     """Fall probability of the first policy; NaN in a check of breaking points, which has several severities."""
     outcome: CheckFunction
-    """Function that draws one data set and returns True if the result is positive."""
+    """Function that takes a random generator, draws one data set, and returns True if the result is positive.
+
+    The result is positive if the interval contains the true value, or if the test is significant."""
     bounds: Interval
-    """Lower and upper bound of the rate of positive results, 0 to 1."""
+    """Lower and upper bound of the rate of positive results (true value in interval, or significant test)."""
     expected: float = 0.95
-    """Theoretical rate of positive results, 0 to 1; NaN if it is unknown."""
+    """Theoretical rate of positive results (true value in interval, or significant test); NaN if unknown."""
 
 
 def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
@@ -139,7 +152,7 @@ def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationChec
 
 
 def rejection_rate(check: CalibrationCheck, sets: int, seed: int) -> float:
-    """Compute the rate of positive results of a check.
+    """Compute the fraction of data sets on which an interval has the true value, or a test is significant.
 
     Args:
         check: Check of an interval or test.

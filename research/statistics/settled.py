@@ -1,7 +1,9 @@
-"""Simulation of `evaluate --until settled` with synthetic policies: false claims and episode counts.
+"""Simulation of evaluations with `--until settled`, to measure their error rate and number of episodes.
 
-With this option an evaluation adds episodes until a sequential test distinguishes all adjacent policies of the ranking,
-or is unlikely to distinguish them. Here the true scores are known. A battery is a set of scenarios.
+With this option, an evaluation ranks the policies by score and adds episodes step by step. A sequential test compares
+each policy with the next one in the ranking. The evaluation stops if each pair has a significant difference, or is
+unlikely to get one. In this module, the outcomes of the episodes are random numbers, and the true scores of the
+synthetic policies are known. A reported difference is false if the true scores are equal or have the opposite order.
 """
 
 from collections.abc import Sequence
@@ -23,8 +25,9 @@ MAX_EPISODES = 96
 VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
 """Source of the variance of an episode's outcome -> fraction of the variance; the fractions add up to 1.
 
-The sources are the episode (`episode`), the combination of episode and scenario (`scenario`), the combination of
-episode and policy (`policy`), and an independent rest (`own`)."""
+A part of the randomness is common to all policies and scenarios of an episode (`episode`). Other parts are common to
+all policies on one scenario (`scenario`), or to all scenarios of one policy (`policy`). The rest is independent
+(`own`)."""
 EASIEST_SUCCESS = 0.9
 """True success rate of the worst policy on the easiest scenario.
 
@@ -32,21 +35,27 @@ The success rates of this policy on the other scenarios are evenly spaced down t
 HARDEST_SUCCESS = 0.05
 """True success rate of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of evaluations of fixed size, with which `--until settled` is compared."""
+"""Numbers of episodes of evaluations of fixed size, with which evaluations `--until settled` are compared."""
 
 
 @dataclass(frozen=True)
 class Battery:
-    """Set of scenarios, with synthetic policies that have known scores on these scenarios."""
+    """Set of scenarios, with synthetic policies that have known scores on these scenarios.
+
+    The score of a policy is its mean success rate over the scenarios.
+    """
 
     points: tuple[float, ...]
-    """True score of each policy minus the true score of the worst policy, percentage points."""
+    """True score (mean success rate) of each policy minus the score of the worst policy, percentage points."""
     scenarios: int
-    """Number of scenarios in the battery."""
+    """Number of scenarios on which all policies are evaluated."""
 
     @property
     def name(self) -> str:
-        """Name of the battery in the table: number and spacing of the policies, and number of scenarios."""
+        """Name of the battery in the table of results.
+
+        It states the number of policies, the distance between their true scores, and the number of scenarios.
+        """
         gaps = [high - low for low, high in pairwise(sorted(set(self.points)))]
         if not gaps:
             spacing = "alike"
@@ -57,14 +66,15 @@ class Battery:
         return f"settled: {len(self.points)} policies {spacing}, {self.scenarios} scenarios"
 
     def values(self, generator: np.random.Generator, count: int = MAX_EPISODES) -> dict[str, Floats]:
-        """Draw the success rates of all policies in random episodes.
+        """Draw random outcomes of episodes, and compute the success rate of each policy in each episode.
 
         Args:
             generator: Random generator.
-            count: Number of episodes.
+            count: Number of episodes on each scenario.
 
         Returns:
-            Index of a policy, as text -> fraction of the scenarios on which it succeeds in each episode, (count,).
+            Index of a policy, as text -> fraction of the scenarios on which this policy succeeds, for each episode,
+            (count,).
         """
         from scipy.special import ndtri
 
@@ -85,7 +95,7 @@ BATTERIES = tuple(
     for points in ((0, 0), (0, 5), (0, 0, 0, 0, 0, 0), (0, 0, 5, 5, 10, 10))
     for scenarios in (4, 12, 51)
 )
-"""Batteries with two and six policies on 4, 12 and 51 scenarios.
+"""Batteries (sets of scenarios with synthetic policies): 2 or 6 policies on 4, 12 or 51 scenarios.
 
 The policies have equal scores, or scores that are 5 percentage points apart.
 """
@@ -98,19 +108,23 @@ class SequentialRunResult:
     episodes: int
     """Number of episodes after which the evaluation stopped."""
     has_false_claim: bool
-    """True if the evaluation claims a false difference: the true scores are equal or have the opposite order."""
+    """True if the evaluation reports a significant difference between two policies that is false.
+
+    The true scores of the two policies are then equal, or have the opposite order."""
     has_found_all: bool
-    """True if the evaluation distinguishes all adjacent policies of the ranking that have different true scores."""
+    """True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
     fixed: tuple[bool, ...]
-    """True for each number of episodes in FIXED_PLANS with which an evaluation of fixed size distinguishes all adjacent
-    policies that have different true scores."""
+    """Results of evaluations of fixed size on the same outcomes, one for each number of episodes in FIXED_PLANS.
+
+    A result is True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
-    """Simulate one evaluation with `--until settled`.
+    """Simulate one evaluation with `--until settled` on random outcomes of episodes.
 
-    The sequential test compares adjacent policies of the ranking at each of its interim analyses, until the evaluation
-    may stop.
+    A sequential test compares adjacent policies of the ranking at several interim analyses, after a quarter, a half,
+    three quarters and all of MAX_EPISODES. The evaluation stops at the first interim analysis at which each pair has a
+    significant difference, or is unlikely to get one.
 
     Args:
         battery: Scenarios and synthetic policies.
@@ -137,11 +151,14 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
 
 
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
-    """Return True if an evaluation of fixed size distinguishes all adjacent policies that differ.
+    """Return True if an evaluation of fixed size finds all true differences between adjacent policies.
+
+    Two policies are adjacent if they are neighbours in the ranking by measured score.
 
     Args:
         battery: Scenarios and synthetic policies.
-        values: Index of a policy, as text -> fraction of the scenarios on which it succeeds in each episode.
+        values: Index of a policy, as text -> fraction of the scenarios on which this policy succeeds, for each episode,
+            (n,) with n >= `count`.
         count: Number of episodes, after which adjacent policies are compared by paired t-tests with the Bonferroni
             correction.
 
@@ -171,10 +188,10 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
         seed: Seed of the simulated evaluations.
 
     Returns:
-        Dictionary: `wrong`, fraction of the evaluations with a false claim; `found`, fraction of the evaluations that
-        find all differences; `episodes`, mean number of episodes; `fixed`, number of episodes of the smallest
-        evaluation of fixed size that finds all differences as often. `found` and `fixed` are NaN if the policies do not
-        differ.
+        Dictionary: `wrong`, fraction of the evaluations that report a false difference; `found`, fraction of the
+        evaluations that find all true differences; `episodes`, mean number of episodes; `fixed`, number of episodes of
+        the smallest evaluation of fixed size that finds all true differences at least as often. `found` and `fixed` are
+        NaN if the policies do not differ.
     """
     results = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
     power = np.mean([result.has_found_all for result in results])
@@ -194,7 +211,7 @@ def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[s
     """Create the Markdown table of the results of `simulate_runs`, with one row per battery.
 
     Args:
-        batteries: Batteries of scenarios and synthetic policies.
+        batteries: Sets of scenarios, each with synthetic policies.
         runs: Number of simulated evaluations for each battery.
         seed: Seed of the simulated evaluations.
 

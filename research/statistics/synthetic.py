@@ -13,7 +13,7 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 CAP = 2.0
-"""Velocity error that is counted after a fall, m/s."""
+"""Velocity error that counts for each control step after a fall, m/s."""
 TRACKING_SHAPE = 6.0
 """Shape parameter, dimensionless, of the gamma distribution of the velocity error before a fall."""
 TRACKING_SCALE = 0.05
@@ -21,7 +21,7 @@ TRACKING_SCALE = 0.05
 EARLIEST_FALL = 0.1
 """Earliest time of a fall, as a fraction of the episode's duration."""
 SHARED_VARIANCE = 0.5
-"""Fraction of the variance of an episode's outcome that is common to all policies."""
+"""Fraction of an outcome's variance that is common to all policies in the same episode, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class SyntheticEpisodes:
     """Synthetic outcomes of several policies on the same n episodes, made by `make_episodes`."""
 
     fell: Bools
-    """True if the policy falls in the episode, (policies, n)."""
+    """True if the policy falls in the episode, (policies, episodes)."""
     error: Floats
-    """Mean velocity error of each policy in each episode, (policies, n), m/s."""
+    """Mean velocity error of each policy in each episode, (policies, episodes), m/s."""
 
 
 def make_episodes(
@@ -97,7 +97,10 @@ class FallCurve:
 
 @dataclass(frozen=True)
 class SyntheticAxis:
-    """Synthetic disturbance axis with a known fall probability: a sum of logistic curves of the severity."""
+    """Synthetic disturbance axis: a kind of disturbance with several severities and known fall probability.
+
+    The fall probability is a sum of logistic curves of the severity.
+    """
 
     severities: tuple[float, ...]
     """Severities of the axis, from the mildest to the hardest."""
@@ -118,7 +121,7 @@ class SyntheticAxis:
         return float(np.exp(brentq(lambda x: self.probability(np.exp(x)) - 0.5, *ends)))
 
     def probability(self, severities: Floats) -> Floats:
-        """Compute the fall probability of an episode at each of the given severities, same shape."""
+        """Compute the fall probability of an episode at each of the `severities`, an array of the same shape."""
         from scipy.special import expit
 
         with np.errstate(divide="ignore"):

@@ -1,8 +1,9 @@
-"""Validation of the rules of causes: `python -m research causes`.
+"""Validation of the rules that find the cause of a failed episode: `python -m research causes`.
 
-The rules are compared with episodes made to fail, and with a person's reading of films. With `--films FOLDER` strips of
-failures of a run are drawn; the causes by the rules are written to `key.csv` next to the folder, where a reader does
-not look. With `--reading FILE` the two are compared.
+By default, the rules are applied to episodes that were made to fail for a known cause. `--films FOLDER` draws images of
+failed episodes from an evaluation, so that a person can judge the causes. The causes by the rules are written to
+`key.csv` next to the folder, so that the person does not see them. `--reading FILE` compares the causes by the person,
+in FILE, with the causes by the rules.
 """
 
 import csv
@@ -41,7 +42,7 @@ class CausesOptions:
     table: Path = Path("docs/results/causes.csv")
     """CSV file for the causes that the rules find in episodes that were made to fail for a known cause."""
     page: Path = Path("docs/causes.md")
-    """Markdown page to update: agreement of the rules, their thresholds, and a person's judgement."""
+    """Markdown page to update: correctness of the rules, thresholds of the rules, and a person's judgement."""
     films: Path | None = None
     """Folder for images of failed episodes, which a person judges; nothing else except `key.csv` is written."""
     run: Path = Path("results/evaluation")
@@ -105,7 +106,7 @@ def count_causes() -> Iterator[dict[str, Any]]:
 
 
 def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
-    """Yield the signals of each failed episode, and the cause of failure that the rules find."""
+    """Yield two objects for each failed episode: its recorded signals, and the cause that the rules find."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
@@ -116,8 +117,9 @@ def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verd
 def draw_strips(options: CausesOptions, folder: Path) -> int:
     """Draw strips of failed episodes of an evaluation, at most one for each policy and scenario.
 
-    A strip is an image with frames and plotted signals of an episode. Of three strips, two show a fall, and one shows a
-    failure without a fall. Raises UsageError if the folder cannot be written.
+    A strip is an image with frames and plotted signals of an episode. Two of three strips show a fall. The third one
+    shows a failure without a fall. Scenarios without a disturbance axis are left out. The function raises UsageError if
+    the folder cannot be written.
 
     Args:
         options: Options of the command.
@@ -146,7 +148,7 @@ def draw_strips(options: CausesOptions, folder: Path) -> int:
 def _draw_failure(
     cell: PolicyScenarioResult, candidates: NDArray[np.int64], generator: np.random.Generator, path: Path
 ) -> dict[str, Any]:
-    """Draw the strip of a random failed episode, and return the row of key.csv about this episode.
+    """Draw the strip (image) of a random failed episode, and return the row of key.csv about this episode.
 
     Args:
         cell: Stored episodes of one policy on one scenario.
@@ -178,13 +180,13 @@ def compare_reading(options: CausesOptions, reading: Path) -> int:
 
     Args:
         options: Options of the command.
-        reading: CSV file with the causes that the person has seen in the strips.
+        reading: CSV file with the causes that the person has seen in the strips, which are images of failed episodes.
 
     Returns:
         Exit code, 0.
 
     Raises:
-        UsageError: The CSV files of the person and of the rules have different strips, or a cause is unknown.
+        UsageError: The CSV files of the person and of the rules name different images, or a cause is unknown.
     """
     try:
         key = _read_csv(options.key)
@@ -208,7 +210,11 @@ def _read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def _agreement(films: Sequence[Mapping[str, str]]) -> str:
-    """Return a sentence about the number of episodes for which rules and person name the same cause."""
+    """Return a sentence about the number of episodes for which rules and person name the same cause.
+
+    A row of `films` describes one episode: cause by the rules (`cause`), cause by the person (`read`), and the text
+    `True` in `certain` if the rules are certain.
+    """
     agrees = [row["cause"] == row["read"] for row in films]
     certain_agrees = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
     return (
@@ -218,9 +224,11 @@ def _agreement(films: Sequence[Mapping[str, str]]) -> str:
 
 
 def _confusion_table(films: Sequence[Mapping[str, str]]) -> str:
-    """Create the confusion matrix as a Markdown table: numbers of episodes by cause.
+    """Create the confusion matrix of rules and person as a Markdown table of numbers of episodes.
 
-    A row is a cause that the rules find; a column is a cause that the person sees. Empty rows and columns are left out.
+    A row of the table is a cause that the rules find; a column is a cause that the person sees. Empty rows and columns
+    are left out. A row of `films` describes one episode: cause by the rules (`cause`), and cause by the person
+    (`read`).
     """
     counts = Counter((row["cause"], row["read"]) for row in films)
     columns = [cause for cause in CAUSES if any(cause == read for _, read in counts)]

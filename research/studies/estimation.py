@@ -1,14 +1,17 @@
 """Errors of estimated attitude and velocity: `python -m research estimation`.
 
-A trot walks on estimates at 0.5 to 1 m/s, in the same episodes with each estimator. One error is of the estimate for
-the time of the readings; the other is of the observation, which is a control step later with sensors of that delay.
+A trot that uses the estimates walks at 0.5 to 1 m/s, in the same episodes with each estimator. The table shows two
+velocity errors. The first compares the estimate with the true velocity at the time of its sensor readings. The second
+compares the observation with the true velocity at the time of the action, which is later if the sensors have a delay.
 Both are root mean squares over robots and control steps, after the first second and before a fall. With `--table
-pushes` robots on the hardware profile are pushed twice an episode, and errors are for the time after.
+pushes`, robots with the hardware profile (models of real motors and sensors) are pushed twice in each episode. The
+errors are then measured before and after the pushes.
 
-NEES is the normalised estimation error squared eᵀ P⁻¹ e of tilt (two entries) and velocity (three), where P is the
-estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of χ²
-with 5 n degrees of freedom (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
-2001).
+NEES, the normalised estimation error squared, is eᵀ P⁻¹ e. The error e has two components of tilt and three of
+velocity; P is the estimator's covariance of e. If P is right, the mean of NEES is 5, and the sum over n episodes has a
+χ² distribution with 5 n degrees of freedom. The last column is the fraction of the control steps at which the mean over
+the episodes is in the 95 % band (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001).
 """
 
 from collections import deque
@@ -42,22 +45,25 @@ from quad_env.sensing.suite import sensor_suite
 from research.pages.blocks import RESULTS, read_page, write_block
 
 SETTLING = 100
-"""Number of control steps at the start of an episode in which errors are not measured."""
+"""Number of control steps (1 s) at the start of an episode in which errors are not measured."""
 NEES_DIMENSION = 5
 """Dimension of the error vector of the NEES: two tilt errors and three velocity errors.
 
 NEES is the normalised estimation error squared, a measure of the consistency of a filter's covariance.
 """
 FORWARD = (0.5, 1.0)
-"""Range from which the forward velocity command of the walks is drawn, m/s."""
+"""Range from which the forward velocity command of the undisturbed walks is drawn, m/s."""
 YAW_RATE = (-1.2, 1.2)
-"""Range from which the yaw rate command of the walks is drawn, rad/s."""
+"""Range from which the yaw rate command of the undisturbed walks is drawn, rad/s."""
 PUSHES = "pushes"
 """Name of the page's generated block that contains the errors after pushes."""
 ROBOTS = ("simple_quad", "go1", "go2")
 """Names of the robots for which the errors after pushes are measured."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
-"""Time windows in which errors are averaged: start and end, control steps from the start of a push."""
+"""Time windows in which errors are averaged: (start, end), control steps of 10 ms.
+
+Both are counted from the start of a push; a negative number is before the push.
+"""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 """Name of an option -> smallest and largest valid value."""
 
@@ -90,7 +96,7 @@ class EstimationErrors(NamedTuple):
     """Errors (true minus estimated) of one estimator in n episodes; values after a fall are NaN.
 
     The sensor readings are delayed. Therefore an estimate is compared with the true state at the time at which its
-    readings were measured.
+    readings were measured. The first axis of each array has the control steps from SETTLING on.
     """
 
     tilt: Floats
@@ -179,8 +185,8 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 def push_table(options: EstimationOptions) -> Iterator[str]:
     """Yield the lines of the Markdown table of velocity errors after pushes.
 
-    There is one row per robot and estimator. Each cell has two errors: the error of the estimate at the time of the
-    sensor readings, and the error of the velocity in the observation.
+    There is one row per robot and estimator, and one column per time window. Each cell has two errors, m/s: the error
+    of the estimate at the time of the sensor readings, and the error of the velocity in the observation.
     """
     before, *after = WINDOWS
     times = [f"{-before[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in after)]

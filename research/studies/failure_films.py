@@ -1,4 +1,7 @@
-"""Strips of failed episodes: frames above plotted signals, from which a person judges the cause."""
+"""Strips of failed episodes: images from which a person judges the cause of the failure.
+
+A strip has a title, frames of the episode, and plots of recorded signals below the frames.
+"""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -19,11 +22,11 @@ from policies.base import Policy
 from quad_env.scenarios.axes import AXES
 
 COUNT = 15
-"""Number of frames of the episode in a strip."""
+"""Number of frames in a strip, the image that shows a failed episode."""
 COLUMNS = 5
-"""Number of frames in each row of a strip."""
+"""Number of frames in each row of a strip, the image that shows a failed episode."""
 SIZE = (340, 270)
-"""Width and height of a frame in a strip, pixels."""
+"""Width and height of a frame in a strip (image that shows a failed episode), pixels."""
 CURVES = {
     "foot_contact": "feet on the ground",
     "command": "command, m/s and rad/s",
@@ -34,11 +37,11 @@ CURVES = {
 }
 """Name of a recorded signal -> title of the signal's plot below the frames."""
 LEAD_TIME = 0.6
-"""Minimum time between the start of a strip and the onset of the fall, s."""
+"""Minimum time that a strip (image of a failed episode) shows before the onset of the fall, s."""
 
 
 def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
-    """Select the control steps of a failed episode that a strip shows.
+    """Select the control steps of a failed episode that a strip (image of the episode) shows.
 
     Args:
         record: Signals of the failed episode.
@@ -90,7 +93,7 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
 
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
-    """Return the title of a strip.
+    """Return the title of a strip, the image that shows a failed episode.
 
     Args:
         record: Signals of the failed episode.
@@ -116,7 +119,8 @@ def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Ima
         part: Control steps that the strip shows.
 
     Yields:
-        Frames; the caption of a frame has the time, and words for a fall, a push or a leg contact.
+        Frames. The caption of a frame has the time, and words if the robot has fallen, is pushed, or touches the ground
+        with a shin or thigh.
     """
     numbers = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])

@@ -1,6 +1,6 @@
 """Episodes that are made to fail for a known cause, to test the rules that find causes of failure.
 
-There are two cases of six episodes for each cause.
+A case has a policy, a scenario, and the seeds of six episodes. There are two cases for each cause.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from quad_env.scenarios.terrain import Stairs
 from quad_env.seeding import episode_seeds
 
 Rows = NDArray[np.float32]
+"""Type of the observations of n robots, (n, k): one row of k numbers for each robot."""
 
 
 class PerturbedPolicy(Policy):
@@ -31,11 +32,11 @@ class PerturbedPolicy(Policy):
 
     Args:
         policy: Policy that is perturbed.
-        observation_transform: Function that takes the true observation, (n, k), and returns the observation that the
-            policy receives, (n, k).
-        action_transform: Function that takes the policy's joint targets, (n, 12), rad, and the true observation,
+        observation_transform: Function that takes the true observations of n robots, (n, k) with k numbers for each
+            robot, and returns the observations that the policy receives, (n, k).
+        action_transform: Function that takes the policy's joint targets, (n, 12), rad, and the true observations,
             (n, k), and returns the executed joint targets, (n, 12), rad.
-        failing: Number of control steps after which the policy is marked as failed.
+        failing: Number of control steps after which the policy is marked as failed; infinite if it never fails.
     """
 
     name = "altered"
@@ -76,11 +77,13 @@ class FailureCase:
     policy: Callable[[], Policy]
     """Function without arguments that creates the policy."""
     scenario: Scenario
+    """Scenario of the six episodes: terrain, disturbances and commands."""
     steps: int = 150
-    """Duration of an episode, control steps."""
+    """Duration of an episode, control steps of 10 ms."""
     hardware: HardwareConfig = IDEAL
+    """Models of motors, sensors and estimator; by default ideal motors and sensors."""
     chosen: tuple[int, ...] = tuple(range(6))
-    """Indices into the sequence of validation seeds; the episodes with these six seeds fail for the cause."""
+    """Indices into the first 96 validation seeds, 0 … 95; the episodes with these six seeds fail for the cause."""
 
     def run(self, after_falls: bool = False) -> Episodes:
         """Simulate and record the six episodes; if `after_falls` is True, an episode continues after a fall."""
@@ -100,16 +103,21 @@ class FailureCase:
 
 
 def _make_policy(name: str, **altered: Any) -> Callable[[], Policy]:
+    """Return a function that makes the policy `name`; `altered` are arguments of PerturbedPolicy, if any."""
     make = partial(policies.make, name, servo="own")
     return lambda: PerturbedPolicy(make(), **altered) if altered else make()
 
 
 def _make_trot(**parameters: float) -> Callable[[], Policy]:
+    """Return a function that makes an open-loop trot, in which the given `parameters` are changed."""
     return lambda: Trot(replace(searched_parameters(), **parameters))
 
 
 def _slower(rows: Rows) -> Rows:
-    """Halve the commanded velocity in observations, (n, k), in place, so that the robot walks too slowly."""
+    """Halve the commanded velocity in observations in place, so that the robot walks too slowly.
+
+    `rows` are the observations, (n, k); the last three numbers of a row are the commanded velocity.
+    """
     rows[:, -3:] *= 0.5
     return rows
 
@@ -119,25 +127,32 @@ def _toppling(actions: Actions, observation: Rows) -> Actions:
 
     Args:
         actions: Joint targets of the policy, (n, 12), rad.
-        observation: True observation, (n, k).
+        observation: True observations of n robots, (n, k); the first three numbers of a row are the direction of
+            gravity, base frame.
 
     Returns:
-        Joint targets, (n, 12), rad, with a feedback of the wrong sign from gravity direction to hips and thighs.
+        Changed joint targets, (n, 12), rad: a feedback with the wrong sign from the direction of gravity to the
+        abduction and hip joints is added.
     """
     lean = -6.0 * observation[:, [1, 0, 0]] * (1.0, 1.0, 0.0)
     return actions + np.tile(lean, 4).astype(np.float32)
 
 
 def _make_scenario(speed: float | tuple[float, float] = 0.5, **settings: Any) -> Scenario:
+    """Create a scenario in which a robot walks straight ahead, with disturbances by `settings`.
+
+    `speed` is the commanded forward velocity or its range, m/s. `settings` are fields of the scenario, for example its
+    terrain; the field `commands` replaces the commands of `speed`.
+    """
     low, high = (speed, speed) if isinstance(speed, float) else speed
     commands = CommandRanges((low, high), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
     return Scenario("made", **{"commands": commands} | settings)
 
 
 ALONG = StartNoise(yaw=0.0)
-"""Random initial state with the heading 0, so that the robot faces the stairs."""
+"""Random initial state, in which only the heading is fixed at 0, so that the robot faces the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
-"""Ranges of fast commands with turns, from which a new command is drawn every 2 s."""
+"""Ranges of velocity commands for fast walks with turns; a new command is drawn every 2 s."""
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
 """Sensors with a wrongly mounted IMU: it is rotated by 0.7 rad about the y axis of the trunk.
 
@@ -152,7 +167,9 @@ WEAK_MOTORS = Motors(10.0)
 LONG_LATENCY = Latency(0.08, 0.08)
 """Delays of 0.08 s for the actions and 0.08 s for the observations."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
+"""Four dropouts of 0.95 s each, from 0.1 to 4 s; in a dropout, one joint servo receives no new targets."""
 STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
+"""Scenario in which the robot walks at 0.8 m/s towards stairs with a step height of 0.15 m."""
 LYING = _make_scenario(start=AnyPose())
 """Scenario in which the robots start lying in a random pose, some of them upside down."""
 CASES = (

@@ -1,8 +1,9 @@
 """Measured gaits: `python -m research gaits` draws a steady walk of each controller into the pages.
 
-A page with the lines `<!-- gaits ROBOT POLICY… -->` and `<!-- /gaits -->` gets the figures of these policies of that
-robot, a film of 2 s of each, and the contacts of its feet in that time above frames of one stride (M. Hildebrand,
-Symmetrical gaits of horses, Science, 1965). `POLICY@SCENARIO` walks on another scenario than `steady`.
+A page names walks in the lines `<!-- gaits ROBOT POLICY… -->` and `<!-- /gaits -->`. Between these lines, the command
+writes a table of gait and effort measures, a film of 2 s of each walk, and a picture. The picture shows the times at
+which each foot is on the ground (gait diagram) above frames of one stride (M. Hildebrand, Symmetrical gaits of horses,
+Science, 1965). A policy walks on the scenario `steady`; `POLICY@SCENARIO` selects another scenario.
 """
 
 import io
@@ -51,7 +52,7 @@ from research.studies.failure_films import stack_images
 FILM_STEPS = range(400, 600, 2)
 """Control steps, counted from 0, after which frames are rendered; the gait diagram shows the same time."""
 FRAME_STRIDE = 3
-"""Every third rendered frame is a frame of the film."""
+"""Number of rendered frames from one frame of the film to the next; the frames between are left out."""
 FRAMES = 8
 """Number of frames that show one stride in the picture of a walk."""
 SIZE = (400, 300)
@@ -59,13 +60,13 @@ SIZE = (400, 300)
 SKY = 50
 """Height of the sky, which is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
-"""Factor of the reduction in width and height of frames in the README's film of several walks."""
+"""Divisor of width and height of a rendered frame for the README's film of several walks."""
 SMALL = (160, 100)
 """Width and height of a frame in the picture and the film of a single walk, pixels."""
 QUALITY = 20
 """Quality of the WebP encoding of the films, from 0 to 100; a larger value gives larger files."""
 LETTERS = 13
-"""Font size of robot and policy in the README's film of several walks, pixels."""
+"""Font size of the names of robot and policy in the README's film of several walks, pixels."""
 README_FILM_POLICIES = (
     *product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust")),
     *product(("go1", "go2"), ("trot_feedback", "mpc_wbc")),
@@ -77,11 +78,17 @@ The film is written only if the pages name all of these walks.
 COLUMNS = 4
 """Number of walks side by side in the README's film of several walks."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
-"""Names of the gait and effort measures in the table of each block."""
+"""Names of the gait and effort measures in the tables of walks that the command writes into pages."""
 Key = tuple[str, str]
-"""Name of a robot and name of a policy, as in the first line of a generated block for gaits."""
+"""Type of the key of a walk: (name of the robot, name of the policy), as a page names the walk.
+
+The name of the policy is POLICY or POLICY@SCENARIO.
+"""
 PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
-"""Pattern of a generated block for gaits in a page: robot, policies, end of the first line, content."""
+"""Regular expression for the text between `<!-- gaits` and `<!-- /gaits -->` in a page.
+
+Its groups are the name of the robot, the names of the policies, and the end of the first line.
+"""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
-"""Measured jump: `python -m research jump` has robots jump and counts those that land standing.
+"""Jumps of standing robots: `python -m research jump` counts the robots that land standing.
 
-The trunk's rise is the height of its centre above the home pose, at the end of any control step.
+The rise of a jump is the largest height of the trunk centre, minus its height in the home pose. The height is measured
+at the end of each control step.
 """
 
 from dataclasses import dataclass

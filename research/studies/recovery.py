@@ -1,8 +1,8 @@
-"""Measured recovery: `python -m research recovery` counts fallen robots that then stand.
+"""Recovery from falls: `python -m research recovery` counts the robots that stand up from a random pose.
 
-A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
-(`quad_env.AnyPose`). The time to stand is the start of the last interval in which the robot stands, by `is_standing`,
-until the end.
+Each robot starts with a random orientation, random joint angles within the joint limits, and random velocities. Its
+lowest point touches flat ground (`quad_env.AnyPose`). A robot counts if it stands within 5 s, and then stands until the
+end of the episode at 6 s. The time to stand is the time at which this begins (`is_standing`).
 """
 
 from dataclasses import dataclass, replace
@@ -61,7 +61,7 @@ class RecoveryOptions:
     seed: int = 0
     """Seed of the initial states, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
-    """Purpose of the seeds; the recovery motion was optimised with "search" seeds."""
+    """Purpose of the seeds; the recovery motion was optimised with seeds of the purpose "search"."""
 
 
 def main(options: RecoveryOptions) -> int:
@@ -110,8 +110,8 @@ def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDAr
     A robot with a diverged simulation does not count as standing, although the simulation shows it in the home pose.
 
     Args:
-        observation: Observations of the true states of n robots, (n, k).
-        infos: Infos of the environment after the same control step.
+        observation: Observations of the true states of n robots, (n, k): k numbers for each robot.
+        infos: Dictionary `infos` of the environment after the same control step, with arrays (n, …).
 
     Returns:
         True for robots that stand, (n,).

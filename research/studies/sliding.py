@@ -1,10 +1,12 @@
-"""Sliding feet by settings of MuJoCo's contact: `python -m research sliding` writes a table.
+"""Sliding feet with several settings of MuJoCo's contact model: `python -m research sliding`.
 
-It is docs/results/sliding.csv. MuJoCo's friction is a convex relaxation of Coulomb's: in the cone dual to the friction
-cone, a body that slides at v rises at µ v. A time step h throws it up by up to µ b v h, where b, 2/(dmax timeconst) of
-`solref`, is also the rate at which a landing foot stops slipping. One setting is exact: each contact's reference
-acceleration along the normal is less by µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential
-method, Math. Comput. Modelling 28, 1998).
+The results are written to docs/results/sliding.csv. MuJoCo's friction model is a convex relaxation of Coulomb friction
+with the friction coefficient µ. It has a side effect: a body that slides at the velocity v also rises, at up to µ v.
+In a time step h, the upward velocity grows by up to µ b v h. The rate b = 2 / (dmax timeconst), 1/s, follows from the
+contact parameters `solimp` (dmax) and `solref` (timeconst). A landing foot stops slipping at the same rate b. One of
+the settings is exact Coulomb friction, with which a sliding ball does not rise. It reduces the reference acceleration
+of each contact along the normal by µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential method,
+Math. Comput. Modelling 28, 1998).
 """
 
 from collections.abc import Mapping
@@ -32,7 +34,10 @@ from quad_env.seeding import episode_seeds
 from research.pages.csv_text import to_csv
 
 SPEEDS = (1.0, 4.6)
-"""Initial speeds of the sliding bodies, m/s; a push of 65 N·s changes SimpleQuad's speed by the second value."""
+"""Initial speeds of the sliding bodies, m/s.
+
+A push of 65 N·s changes the speed of SimpleQuad by the second value.
+"""
 BRIEF = 0.05
 """Time after the start of sliding over which the initial deceleration is averaged, s."""
 
@@ -44,9 +49,12 @@ class ContactSetting:
     options: Mapping[str, float] = field(default_factory=dict)
     """Changed simulation options: field of MuJoCo's `mjOption` -> value."""
     solref: tuple[float, float] | None = None
-    """MuJoCo's `solref` of all geoms: time constant, s, and damping ratio, or negative values; None: unchanged."""
+    """MuJoCo's contact parameter `solref` of all geoms; None if it is unchanged.
+
+    Two positive numbers are the time constant, s, and the damping ratio. Two negative numbers are the stiffness, 1/s²,
+    and the damping, 1/s, with the sign reversed."""
     friction: float | None = None
-    """Coefficient of sliding friction of all geoms; None: unchanged."""
+    """Coefficient of sliding friction of all geoms; None if it is unchanged."""
     push: float = 0.1
     """Duration of the pushes, s; the impulse of a push is the same for all durations."""
     exact: bool = False
@@ -76,7 +84,8 @@ SETTINGS = {
     "noslip 20": ContactSetting({"noslip_iterations": 20}),
     "time constant 0.02 s": ContactSetting(solref=(0.02, 1.0)),
     "damping ratio 0.5": ContactSetting(solref=(0.01, 0.5)),
-    "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),  # default stiffness
+    # The stiffness in the next setting, 11080, is the default one.
+    "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),
     "exact Coulomb friction": ContactSetting(_NEWTON, exact=True),
     "friction 0.6": ContactSetting(friction=0.6),
     "friction 0.5": ContactSetting(friction=0.5),
@@ -84,7 +93,10 @@ SETTINGS = {
     "push over 0.3 s": ContactSetting(push=0.3),
     "push over 0.5 s": ContactSetting(push=0.5),
 }
-"""Compared contact settings: name of the setting -> changes of the default parameters."""
+"""Compared contact settings: name of the setting -> changes of the project's default contact parameters.
+
+The setting `today` changes nothing.
+"""
 
 
 @dataclass(frozen=True)
@@ -247,7 +259,7 @@ def _contact_parameters(geom: Any) -> dict[str, Any]:
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:
-    """Simulate a model in place.
+    """Advance the simulation of a body with a given friction model.
 
     Args:
         model: Compiled MuJoCo model.
@@ -288,8 +300,9 @@ def _coulomb(model: Any, data: Any) -> None:
     """Make the friction of all contacts exact Coulomb friction, by the correction of de Saxcé.
 
     This is a control callback: MuJoCo calls it between the velocity stage and the acceleration stage of a time step.
-    The normal reference acceleration of each contact is reduced by the friction coefficient times the tangential
-    residual, which is computed from the acceleration of the last time step.
+    MuJoCo's contact solver drives the acceleration of each contact towards a reference acceleration. The residual is
+    the acceleration minus this reference; it is computed from the acceleration of the last time step. The reference
+    along the normal is reduced by the friction coefficient times the magnitude of the tangential residual.
 
     Args:
         model: Compiled MuJoCo model.

@@ -1,8 +1,8 @@
 """Straight walking at constant speed: `python -m research straight-walking`, as in arXiv 2501.16590.
 
-Speed, pushes, uneven ground and cost of transport of several policies on the same episodes, straight ahead from any
-heading, at speeds of the same Froude number for every robot. The cost of transport is computed from all episodes
-together.
+Several policies walk straight ahead in the same episodes, from a random heading: on level ground, with pushes, and on
+uneven ground. The results are success rate and cost of transport, which is computed from all episodes together. All
+robots walk at the same Froude numbers (velocity squared, divided by gravity and leg length).
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ from research.pages.blocks import RESULTS, read_page, write_block
 from research.pages.csv_text import flatten_entry, to_csv
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
-"""Name of a scenario -> word for the scenario in the tables."""
+"""Name of a scenario -> word that describes the scenario in the tables of results."""
 LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), "speeds": (0.01, 10.0)}
 """Name of an option -> smallest and largest valid value."""
 
@@ -145,7 +145,9 @@ def evaluate_rows(
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Create the Markdown table of success and cost of transport, one row per walk, one column per policy.
+    """Create the Markdown table of success and cost of transport, and a sentence about the episodes.
+
+    The table has one row per ground and speed, and one column per policy.
 
     Args:
         options: Options of the command.

@@ -1,4 +1,8 @@
-"""Effort at physics steps of 2, 1 and 0.5 ms on the same episodes: `python -m research time-step`."""
+"""Effort of walking with physics time steps of 2, 1 and 0.5 ms: `python -m research time-step`.
+
+Each policy walks the same episodes with every time step. The table has the success rate, the cost of transport, and
+other measures of effort and gait.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +29,10 @@ from research.pages.csv_text import to_csv
 STEPS = 0.002, 0.001, 0.0005
 """Compared physics time steps, s; the first is the default, which all other results of the project use."""
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
-"""Names of the effort and error measures that are averaged over the episodes."""
+"""Names of the effort and error measures that are averaged over the episodes.
+
+The cost of transport is not among them, because it is computed from the energy and distance of all episodes together.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,12 +51,13 @@ class TimeStepOptions:
 
 @dataclass(frozen=True)
 class _SteppedHardwareConfig(HardwareConfig):
-    """Robot with ideal motors and sensors, which is simulated with a given physics time step."""
+    """Hardware settings with ideal motors and sensors, and with a given physics time step."""
 
     timestep: float = STEPS[0]
     """Physics time step of the simulation, s."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
+        """Return the keyword arguments of the environment of `robot`, including the physics time step."""
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}
 
 
