@@ -105,10 +105,10 @@ class PpoConfig:
     learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
     """Learning rate of the Adam optimiser at the start of the run."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
-    """linear: to learning-rate-final at the last step; adaptive: halved or raised to keep the KL divergence near
-    target-kl."""
+    """linear: the learning rate changes linearly to learning-rate-final at the last step; adaptive: it is lowered or
+    raised to keep the KL divergence near target-kl."""
     learning_rate_final: float = parameter(0.0, limits=(0.0, 1.0))
-    """Learning rate at the last step, for the linear schedule."""
+    """Learning rate at the last step of the run, only for the linear schedule."""
     target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
     """Target KL divergence of the policies before and after one update, for the adaptive schedule, nat."""
     hold: int = parameter(2, limits=(1, 1000))
@@ -130,11 +130,11 @@ class PpoConfig:
     critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Numbers of units in the hidden layers of the value network."""
     symmetry: Literal["none", "actor", "actor-critic"] = "none"
-    """Networks that are symmetric to left and right, for --base crouch or stand without a height scan; the policy
-    network in the bundle then has layers of twice the width."""
+    """Networks with left-right mirror symmetry; needs --base crouch or stand and no --sighted. The policy network in
+    the bundle then has hidden layers of twice the width."""
     normalization: Literal["none", "running"] = "none"
-    """running: normalise the inputs by their running mean and standard deviation, which the bundle's first layer
-    contains; none: fixed scales only."""
+    """running: divide the network inputs by their running standard deviation, after their running mean is subtracted;
+    none: only the fixed scales of the observation."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,8 +156,8 @@ class TrainConfig:
     policy: PolicyKind = "residual"
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     recipe: RecipeName = "default"
-    """Defaults of all other options: default, or joystick, a walk of --robot go1 from scratch in minutes, for --policy
-    end-to-end."""
+    """Set of default values of all other options. joystick: --robot go1 learns to walk from scratch in minutes; only
+    for --policy end-to-end."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
     # The upper limit is 10**12 - 1, because the file name of a checkpoint has twelve digits for the number of steps.
@@ -185,9 +185,10 @@ class TrainConfig:
     hip_authority: float = parameter(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     correction: Literal["bounded", "scaled"] = "bounded"
-    """scaled: corrections are not clipped; the authorities are the scales of the network's output, not limits."""
+    """bounded: corrections are clipped to --joint-authority and --hip-authority; scaled: corrections are not clipped,
+    and the authorities are only the unit of the network's output."""
     clock_phase: Literal["zero", "random"] = "zero"
-    """Phase of the clock, --inputs.clock, at the start of a training episode."""
+    """Phase of the clock, --inputs.clock, at the start of a training episode: zero, or drawn at random."""
     inputs: Inputs = HISTORY_INPUTS
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Give the network a height scan of the ground around the robot, see --scan."""
@@ -196,10 +197,11 @@ class TrainConfig:
     """Scenarios of the training, each with its share of the robots; also combined ones, payload=15+slope=10, and
     flat+randomised, with domain randomisation."""
     commands: Literal["scenario", "random"] = "scenario"
-    """random: commands with components that are zero or stay by chance, at random times with a mean of 5 s; scenario:
-    every component new, every 5 s."""
+    """scenario: a new velocity command every 5 s. random: new commands at random times, every 5 s on average, in which
+    each component can also be zero or unchanged."""
     kicks: float = parameter(0.0, limits=(0.0, 10.0))
-    """Largest velocity change by a kick, m/s; each robot is kicked every 1 to 3 s, for 0.05 to 0.2 s. 0: none."""
+    """Largest velocity change of a robot by a kick, m/s; 0: no kicks. A kick is a horizontal force for 0.05 to 0.2 s,
+    every 1 to 3 s."""
     physics: PhysicsOptions = dataclasses.field(default_factory=PhysicsOptions)
     curriculum: float = parameter(0.1, limits=(0.0, 1.0))
     """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). It rises
@@ -225,7 +227,7 @@ class TrainConfig:
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     rewards: RewardWeights = REWARDS
     reward_floor: float | None = parameter(None, limits=(-1e6, 1e6))
-    """Lower bound of the reward of a learner step, before its scale; by default there is none."""
+    """Lower bound of the reward of a learner step, before rewards are scaled for PPO; by default there is none."""
     extension_rewards: tuple[tuple[str, float], ...] = ()
     """Reward terms of installed extensions, each with its weight per second, for example height_error -2."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
@@ -271,7 +273,9 @@ JOYSTICK_REWARDS = RewardWeights(
     roll_pitch_rate=-0.01, joint_limits=-0.2, action_rate=-0.016, touchdown_speed=-0.4, mechanical_power=-0.0002,
     torque=0.0, fall=0.0,
 )  # fmt: skip
-"""Reward weights of the recipe joystick, after the joystick task of MuJoCo Playground with a reward for the gait."""
+"""Reward weights of the recipe `joystick`.
+
+They are modelled on the joystick task of MuJoCo Playground, with an additional reward for the gait."""
 _JOYSTICK = TrainConfig(
     policy="end-to-end", recipe="joystick", robot="go1", base="stand", steps=6_000_000,
     joint_authority=0.5, hip_authority=0.5, correction="scaled", inputs=Inputs(clock=2.0, clock_at_rest="hidden"),
@@ -286,11 +290,13 @@ _JOYSTICK = TrainConfig(
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Kind of policy, "residual" or "end-to-end" -> its default settings of a training run."""
 RECIPES: dict[RecipeName, TrainConfig] = {"joystick": _JOYSTICK}
-"""Name of a recipe but the default one -> its settings of a training run."""
+"""Name of a recipe -> its default settings of a training run.
+
+The recipe `default` is missing here, because its settings depend on the kind of policy, see `DEFAULTS`."""
 
 
 def default_settings(given: TrainConfig) -> TrainConfig:
-    """Return the default settings for the policy, the recipe and the robot in `given`.
+    """Return the default settings of a training run for the policy, the recipe and the robot that `given` names.
 
     Raises UsageError if the recipe is for another kind of policy.
     """

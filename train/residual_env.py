@@ -32,9 +32,13 @@ truncated episodes, each (n,); and the infos."""
 
 
 TROT_OFFSETS = (0.0, 0.5, 0.5, 0.0)
-"""Phases of the legs front left, front right, hind left and hind right in the cycle of a trot, as fractions of it."""
+"""Phase of each leg in the gait cycle of a trot, as a fraction of the cycle.
+
+The order is front left, front right, hind left, hind right. Diagonal legs have the same phase."""
 MAX_SCALED_CORRECTION = 100.0
-"""Largest correction that the action space allows if corrections are not bounded; SB3 needs a finite space."""
+"""Bound of the action space if corrections are not clipped, as a multiple of the authority.
+
+Stable-Baselines3 needs a finite action space."""
 
 
 class BaseGroup:
@@ -70,11 +74,15 @@ class BaseGroup:
 
     @property
     def clock_phase(self) -> NDArray[np.float64]:
-        """Phase of the clock of each robot at the latest observation, rad, (k,)."""
+        """Phase of the additional clock of each robot, see `Inputs.clock`, at the latest observation, (k,), rad."""
         return self._feature_extractor.clock_phase
 
     def reset(self, clock_phase: NDArray[np.float64]) -> None:
-        """Reset the base policy and the history of all robots of the group; `clock_phase`, (k,), rad, is the start."""
+        """Reset the base policy and the history of the features for all robots of the group.
+
+        `clock_phase`, (k,), rad, is the phase of the additional clock, see `Inputs.clock`, at the start of the
+        episodes.
+        """
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
         self._feature_extractor.reset(count)
@@ -121,11 +129,12 @@ class ResidualVectorEnv(
 ):  # The base class has no type parameters, because Gymnasium 1.2 does not accept any.
     """Vector environment of n robots that execute the action of a base policy plus a correction by a learner.
 
-    The observation, (n, m), has the features of each robot, see `policies.residual.Features`. The action, (n, 12), has
-    the corrections of the joint targets as fractions of the authority, from -1 to 1. The authority is the largest
-    correction of a joint. Each correction is applied for `hold` control steps, while the base policy acts at every
-    control step. Exploration noise that changes every 10 ms would only shake a robot. Noise that lasts longer moves the
-    robot.
+    The observation, (n, m), has the m features of each robot, see `policies.residual.Features`. The action, (n, 12),
+    has the corrections of the joint targets as fractions of the authority. If `bounded` is True, they are clipped to
+    the range -1 to 1, so that the authority is the largest correction of a joint.
+
+    Each correction is applied for `hold` control steps, while the base policy acts at every control step. Exploration
+    noise that changes every 10 ms would only shake a robot. Noise that lasts longer moves the robot.
 
     A robot with a finished episode restarts in the same step. Its row of the observation is then the first observation
     of the new episode. `infos["final_obs"]` and `infos["final_info"]` have the last observation and infos of the
@@ -136,7 +145,8 @@ class ResidualVectorEnv(
             features.
         base: Base policy, made for the robots and their control period. Or a sequence of variants of a base policy,
             each with its number of robots. For example, one variant knows the delays of a real robot, and one does not.
-        authority: Largest correction of each joint, (12,), rad. None for the default of the robot, see `authority_of`.
+        authority: Unit of the correction of each joint, (12,), rad. None for the default of the robot, see
+            `authority_of`.
         hold: Number of control steps in one step of the learner.
         inputs: Past observations, averages and clock that the learner observes in addition to the current observation
             and the action of the base policy.
@@ -169,7 +179,7 @@ class ResidualVectorEnv(
         self._random_clock_phase = random_clock_phase
         self._phase_generator = np.random.default_rng(0)
         self._leg_offsets = 2.0 * np.pi * np.array(robot.in_leg_order(TROT_OFFSETS))
-        """Phase of each leg minus the phase of the clock, rad, (4,)."""
+        """Phase of the gait cycle of each leg minus the phase of the additional clock, (4,), rad."""
         limit = 1.0 if bounded else MAX_SCALED_CORRECTION
         self.single_observation_space = Box(-np.inf, np.inf, (self.bases[0].width,), np.float32)
         self.single_action_space = Box(-limit, limit, (robot.num_joints,), np.float32)
@@ -207,7 +217,7 @@ class ResidualVectorEnv(
         all robots with a finished episode restart.
 
         Args:
-            actions: Correction of each joint target as a fraction of the largest correction, from -1 to 1, (n, 12).
+            actions: Correction of each joint target, divided by the authority of the joint, (n, 12).
 
         Returns:
             Features (inputs of the network of the learner), (n, m); rewards, summed over the control steps, (n,); masks
@@ -237,13 +247,16 @@ class ResidualVectorEnv(
         return self.env.step(apply_correction(robot, base_action, correction, self.authority, self._bounded))
 
     def _draw_phases(self, count: int) -> NDArray[np.float64]:
-        """Return the phases of the clock of `count` robots at the start of an episode, rad, (count,)."""
+        """Return the phase of the additional clock of `count` robots at the start of an episode, (count,), rad."""
         if not self._random_clock_phase:
             return np.zeros(count)
         return self._phase_generator.uniform(0.0, 2.0 * np.pi, count)
 
     def _set_leg_phases(self) -> None:
-        """Set the phases of the legs in all simulations, for the reward term `gait`, if there is a clock."""
+        """Set the gait phase of each leg in all simulations, from the additional clock, if there is one.
+
+        The reward term `gait` compares the motion of the feet with these phases.
+        """
         if not self._has_clock:
             return
         phases = np.concatenate([group.clock_phase for group in self.bases])[:, None] + self._leg_offsets

@@ -392,7 +392,15 @@ def effort_weight_scale(config: TrainConfig, steps: int) -> float:
 
 
 def with_training_options(scenario: Scenario, config: TrainConfig) -> Scenario:
-    """Return a `scenario` with the kicks and the random commands of a training run, `config`."""
+    """Return a scenario with the kicks and the random velocity commands of a training run, if it has any.
+
+    Args:
+        scenario: Scenario of the training.
+        config: Settings of the training run. A kick is a short horizontal force on the trunk.
+
+    Returns:
+        The scenario. It is unchanged if the options `commands` and `kicks` have their default values.
+    """
     if config.commands == "random":
         commands = dataclasses.replace(
             scenario.commands,

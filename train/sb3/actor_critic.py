@@ -1,4 +1,8 @@
-"""Actor-critic policy of the learner: privileged critic, mirror symmetry and running normalisation of observations."""
+"""Actor-critic policy of the learner, in Stable-Baselines3 (SB3).
+
+The critic (value network) observes more than the actor (policy network). Optionally, the networks have left-right
+mirror symmetry, and their observations are normalised by a running mean and standard deviation.
+"""
 
 from typing import Any
 
@@ -12,9 +16,10 @@ from torch import nn
 from policies.mirror import Mirror
 
 MIN_STD = 0.05
-"""Smallest divisor of an entry of the observation, in its scaled unit.
+"""Smallest number that divides an entry of the observation in the running normalisation, dimensionless.
 
-An entry that is constant at first, for example a push before the first push, cannot become too large later."""
+Without this bound, an entry that is constant at first would become very large when it changes. An example is the
+pushing force before the first push."""
 
 
 class TakeFirst(nn.Module):
@@ -30,7 +35,10 @@ class TakeFirst(nn.Module):
 
 
 class TorchMirror(nn.Module):
-    """A `Mirror` of PyTorch tensors."""
+    """PyTorch module that computes left-right mirror images, as a `Mirror` does for arrays.
+
+    The mirror image of a vector has its entries in another order, and some of them with the opposite sign.
+    """
 
     order: torch.Tensor
     signs: torch.Tensor
@@ -41,39 +49,42 @@ class TorchMirror(nn.Module):
         self.register_buffer("signs", torch.from_numpy(mirror.signs.copy()), persistent=False)
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the mirror image of `rows`, (n, k)."""
+        """Return the mirror image of each of the n vectors in `rows`, (n, k)."""
         return rows[:, self.order] * self.signs
 
 
 class AppendMirrorImages(nn.Module):
-    """PyTorch module that appends the mirror images of n rows to the rows."""
+    """PyTorch module that appends the left-right mirror images of n input vectors to the input vectors."""
 
     def __init__(self, mirror: Mirror) -> None:
         super().__init__()
         self.mirror = TorchMirror(mirror)
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return `rows`, (n, k), and their mirror images, (2n, k)."""
+        """Return the vectors in `rows`, (n, k), followed by their mirror images, (2n, k)."""
         return torch.cat((rows, self.mirror(rows)))
 
 
 class HalfSum(nn.Module):
-    """PyTorch module that averages n rows and the n rows of their mirror images."""
+    """PyTorch module that averages the outputs for n input vectors and for the n mirror images of these vectors."""
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the means, (n, k), of `rows`, (2n, k)."""
+        """Return the mean, (n, k), of the first n and the last n vectors in `rows`, (2n, k)."""
         first, second = rows.chunk(2)
         return 0.5 * (first + second)
 
 
 class RunningNormalization(BaseFeaturesExtractor):
-    """Normalises observations by their running mean and standard deviation.
+    """Normalises observations by their running mean and standard deviation, before the networks receive them.
+
+    An entry that a real robot cannot measure is privileged: only the critic receives it, and it is not normalised.
 
     Args:
         observation_space: Observation space of the learner.
-        privileged: Number of entries at the end that are not normalised, because only the critic receives them.
-        mirror: Mirror of an observation. The statistics cover observations and mirror images, so that the normalisation
-            commutes with the mirror. None for no mirror.
+        privileged: Number of privileged entries at the end of an observation.
+        mirror: Left-right mirror of an observation. Mean and standard deviation are then computed from observations and
+            their mirror images, so that the normalised mirror image is the mirror image of the normalised observation.
+            None if only the observations are used.
     """
 
     mean: torch.Tensor
@@ -91,20 +102,23 @@ class RunningNormalization(BaseFeaturesExtractor):
 
     @property
     def std(self) -> torch.Tensor:
-        """Divisor of each normalised entry."""
+        """Number that divides each normalised entry, after the mean is subtracted, (number of normalised entries,)."""
         return torch.sqrt(self.variance + MIN_STD**2)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return the normalised `observations`, (n, k)."""
+        """Return the n `observations`, (n, k), with all entries normalised except the privileged ones at the end."""
         seen, privileged = observations.tensor_split((self._seen,), dim=1)
         return torch.cat(((seen - self.mean) / self.std, privileged), dim=1)
 
     def freeze(self) -> None:
-        """Keep the present statistics for the rest of the run."""
+        """Stop updating mean and standard deviation; they stay constant for the rest of the run."""
         self.count.fill_(torch.inf)
 
     def update(self, rows: torch.Tensor) -> None:
-        """Add observations, `rows`, (n, k), to the statistics (Chan's parallel update)."""
+        """Update mean and variance with n observations, `rows`, (n, k).
+
+        The update is the parallel algorithm of Chan, which combines mean and variance of two sets of samples.
+        """
         if torch.isinf(self.count):
             return
         if self._mirror is not None:
@@ -123,14 +137,16 @@ class AsymmetricPolicy(ActorCriticPolicy):
     """SB3 actor-critic policy in which actor and critic have different observations.
 
     The last `privileged` entries of an observation, which a real robot cannot measure, go only to the critic. With
-    `mirrors` the mean action is (f(x) + M f(M x)) / 2 for a network f and the mirror M, so that the mirror image
-    of an observation gives exactly the mirror image of the action. With `mirror_critic` the value is symmetric, too.
+    `mirrors`, the mean action for an observation x is (f(x) + M f(M x)) / 2. Here f is a network, and M computes the
+    left-right mirror image of an observation or action. So the mirror image of an observation gives exactly the mirror
+    image of the action. With `mirror_critic`, an observation and its mirror image have the same value, too.
 
     Args:
         *args: Arguments of the base class.
-        privileged: Number of privileged entries.
-        mirrors: Mirror of an observation with its privileged entries, and mirror of an action; None for no symmetry.
-        mirror_critic: True to make the critic symmetric, too.
+        privileged: Number of entries at the end of an observation that only the critic receives.
+        mirrors: Left-right mirror of an observation with its privileged entries, and mirror of an action; None if the
+            networks have no symmetry.
+        mirror_critic: True to give the critic the left-right symmetry, too.
         **kwargs: Keyword arguments of the base class.
     """
 
@@ -144,7 +160,9 @@ class AsymmetricPolicy(ActorCriticPolicy):
     ) -> None:
         self._privileged = privileged
         self.mirrors = mirrors
-        """Mirror of an observation with its privileged entries, and mirror of an action; None for no symmetry."""
+        """Left-right mirror of an observation with its privileged entries, and mirror of an action.
+
+        None if the networks have no symmetry."""
         self._mirror_critic = mirror_critic
         super().__init__(*args, **kwargs)
 

@@ -49,7 +49,9 @@ written after that rollout."""
 
 
 _FIELDS = {"shares": "difficulties"}
-"""Key in a checkpoint file -> name of the field of `CallbackState`, for fields that are not stored by their name."""
+"""Key in a checkpoint file -> name of the field of `CallbackState` with its value.
+
+The dictionary has only the fields that a checkpoint file stores under another name."""
 
 
 @dataclasses.dataclass

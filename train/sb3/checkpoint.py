@@ -57,7 +57,7 @@ class Checkpoint:
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """Actions of all robots since the start of the segment, one array, (n, k), per learner step.
+        """Actions of all n robots since the start of the segment, one array, (n, 12), per learner step.
 
         A resumed run repeats them. The list is empty if the checkpoint is at the end of a segment.
         """
@@ -69,8 +69,8 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
 
     Args:
         model: PPO learner.
-        remembered: State of the callback, of JSON types.
-        actions: Actions of all robots since the start of the segment, one array, (n, k), per learner step.
+        remembered: State of the training callback, as a dictionary of JSON types, see `CallbackState`.
+        actions: Actions of all n robots since the start of the segment, one array, (n, 12), per learner step.
 
     Returns:
         The checkpoint, with copies of all arrays.
@@ -162,7 +162,7 @@ def copies(tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
-    """Return the moments of an optimiser, name in a checkpoint -> array.
+    """Return the moments of an optimiser (running averages of the gradients), name in a checkpoint -> array.
 
     The name is `optimiser.INDEX.NAME` for the moment NAME of the parameter with the index INDEX.
     """
@@ -174,11 +174,11 @@ def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tenso
 
 
 def restore_optimiser(optimiser: torch.optim.Optimizer, tensors: dict[str, torch.Tensor]) -> None:
-    """Restore the moments of an optimiser.
+    """Restore the moments (running averages of the gradients) of an optimiser from the arrays of a checkpoint.
 
     Args:
         optimiser: Optimiser, which is changed.
-        tensors: Arrays of a checkpoint; `optimiser_tensors` says the names of the moments.
+        tensors: Arrays of a checkpoint, name -> array. The names of the moments are as in `optimiser_tensors`.
     """
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in with_prefix(tensors, _OPTIMISER).items():

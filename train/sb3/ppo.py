@@ -32,7 +32,9 @@ MIN_LEARNING_RATE = 1e-5
 MAX_LEARNING_RATE = 1e-2
 """Upper bound of the learning rate of the adaptive schedule, `AdaptiveRate`."""
 REWARD_SCALE = 10.0
-"""Factor on the rewards that the learner receives, so that the returns have a magnitude of about one."""
+"""Factor on the rewards of the environment, applied before the learner receives them, dimensionless.
+
+With this factor, the returns have a magnitude of about one."""
 
 
 @dataclasses.dataclass
@@ -64,12 +66,15 @@ class AdaptiveRate:
 
 
 class RolloutPpo(PPO):
-    """PPO of SB3 with a running normalisation, which looks only at the infos of finished episodes, for speed."""
+    """PPO of SB3 that also updates the running normalisation of the observations after each rollout.
+
+    To be faster than PPO of SB3, it reads only the infos of robots with a finished episode.
+    """
 
     def train(self) -> None:
-        """Update the networks from a rollout, then the statistics of the normalisation.
+        """Update the networks from a rollout, then mean and standard deviation of the running normalisation.
 
-        The actions of the rollout were computed with the statistics before it.
+        The order matters, because the actions of the rollout were computed with the old mean and standard deviation.
         """
         super().train()
         if (running := normalization(self)) is not None:
@@ -83,7 +88,8 @@ class RolloutPpo(PPO):
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """Return the learning rate in a form that SB3 accepts.
 
-    The result is an `AdaptiveRate`, a function of the remaining fraction of the run, or a constant.
+    The result is an `AdaptiveRate`, a function of the remaining fraction of the run, or a constant number, as the
+    setting `learning_rate_schedule` says.
     """
     rate = config.learning_rate
     if config.learning_rate_schedule == "adaptive":
@@ -93,7 +99,7 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
 
 
 def _linear_rate(rate: float, final: float, remaining: float) -> float:
-    """Return the learning rate of a schedule that changes linearly from `rate` to `final`.
+    """Return the learning rate of a schedule that changes linearly from `rate` at the start to `final` at the end.
 
     `remaining` is the remaining fraction of the run, from 1 down to 0.
     """
@@ -138,7 +144,11 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 
 def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
-    """Return the arguments of `AsymmetricPolicy` for the symmetry and the normalisation of a run."""
+    """Return the keyword arguments of `AsymmetricPolicy` for symmetry and normalisation, as name -> value.
+
+    The settings `config.ppo.symmetry` and `config.ppo.normalization` of the run determine them. Without symmetry and
+    normalisation, the dictionary is empty.
+    """
     mirror = None
     structure: dict[str, Any] = {}
     if config.ppo.symmetry != "none":
@@ -156,7 +166,7 @@ def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
 
 
 def normalization(model: PPO) -> RunningNormalization | None:
-    """Return the running normalisation of the learner `model`; None if it has none."""
+    """Return the running normalisation of the observations of the learner `model`; None if it has none."""
     extractor = model.policy.features_extractor
     return extractor if isinstance(extractor, RunningNormalization) else None
 
@@ -164,8 +174,9 @@ def normalization(model: PPO) -> RunningNormalization | None:
 def actor_network(model: PPO) -> Network:
     """Return the actor of the learner, which computes the mean correction, as a NumPy network.
 
-    Its inputs are the features that a real robot can measure. The other inputs go only to the critic.
-    A running normalisation is folded into the first layer. A symmetric actor is one network of twice the width.
+    Its inputs are the features that a real robot can measure. The other inputs go only to the critic. A running
+    normalisation of the inputs becomes part of the weights of the first layer. For an actor with left-right symmetry,
+    the returned network has hidden layers of twice the width.
     """
     layers = _actor_layers(model)
     network = Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
@@ -180,7 +191,7 @@ def actor_network(model: PPO) -> Network:
 def set_actor(model: PPO, network: Network) -> None:
     """Copy the weights of a network into the actor of the learner, which computes the mean correction.
 
-    A running normalisation of the learner keeps its initial statistics from then on.
+    If the learner has a running normalisation, its mean and standard deviation do not change from then on.
 
     Args:
         model: PPO learner, which is changed.
@@ -208,7 +219,7 @@ def set_actor(model: PPO, network: Network) -> None:
 
 
 def _actor_mirrors(model: PPO) -> tuple[Mirror, Mirror] | None:
-    """Return the mirrors of the actor's inputs and outputs; None if it has no symmetry."""
+    """Return the left-right mirrors of the actor's inputs and of its outputs; None if it has no symmetry."""
     policy = cast(AsymmetricPolicy, model.policy)
     if policy.mirrors is None:
         return None

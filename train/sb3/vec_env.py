@@ -30,7 +30,7 @@ class TrainingVecEnv(VecEnv):
         privileged: True: append `infos["privileged"]`, which only the value network may use, to the observations.
         keep_actions: True: store all actions since the last reset in `action_log`, so that a run can be resumed. The
             log grows with every step until the next reset.
-        reward_floor: Lower bound of the reward of a step, before the scale; None for none.
+        reward_floor: Lower bound of the reward of a step, before `reward_scale` is applied; None for no bound.
     """
 
     def __init__(
@@ -53,7 +53,9 @@ class TrainingVecEnv(VecEnv):
         self._keep_actions = keep_actions
         self._reward_floor = reward_floor
         self.action_log: list[FloatArray] = []
-        """Actions of all robots since the last reset, one array, (n, k), per step; empty if `keep_actions` is False."""
+        """Actions of all n robots since the last reset, one array, (n, 12), per step.
+
+        The list is empty if `keep_actions` is False."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
@@ -71,7 +73,7 @@ class TrainingVecEnv(VecEnv):
 
         Args:
             seeds: Seed of each robot.
-            actions: Recorded actions of all robots, one array, (n, k), per step.
+            actions: Recorded actions of all n robots, one array, (n, 12), per step.
 
         Returns:
             The last observation, (n, m), and a mask that is True for robots at the start of an episode, (n,).
@@ -84,7 +86,7 @@ class TrainingVecEnv(VecEnv):
         return observation, finished
 
     def step_async(self, actions: FloatArray) -> None:
-        """Store the actions of all robots, (n, k), which `step_wait` then executes."""
+        """Store the actions of all n robots, (n, 12), which `step_wait` then executes."""
         self._actions = actions
         if self._keep_actions:
             self.action_log.append(actions)
