@@ -35,8 +35,8 @@ def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
             list of two numbers.
 
     Returns:
-        Name of the column -> value. An interval becomes two columns, `x_low` and `x_high`. Other lists and dictionaries
-        are left out.
+        Name of the column -> value. An interval `x_ci` becomes two columns, `x_low` and `x_high`. Other lists and
+        dictionaries are left out.
     """
     row: dict[str, Any] = {}
     for name, value in entry.items():

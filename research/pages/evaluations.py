@@ -1,4 +1,4 @@
-"""Reader of an evaluation's results.json, and writers of tables and plots for README and docs."""
+"""Functions that read an evaluation's results.json, and create tables and plots for README and docs."""
 
 import io
 import math
@@ -45,9 +45,15 @@ SCORE_WORDS = (
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """Alternative text (for screen readers) of the plot of success on every disturbance axis."""
 HARDWARE_SCORES = "hardware_scores"
-"""Key in results.json of the scores of the scenarios with the robot's hardware profile."""
+"""Key in results.json of the policies' scores on the scenarios with the robot's hardware profile.
+
+The hardware profile consists of models of the real robot's motors, delays and sensors.
+"""
 KINDS = "scores", HARDWARE_SCORES
-"""Keys in results.json of the scores without and with the robot's hardware profile."""
+"""Keys in results.json of the policies' scores without and with the robot's hardware profile.
+
+The hardware profile consists of models of the real robot's motors, delays and sensors.
+"""
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 """Keys that results.json must have."""
 
@@ -102,7 +108,7 @@ def scenarios_of(results: dict[str, Any]) -> list[str]:
 def made_by(results: dict[str, Any]) -> str:
     """Return a line of Markdown with the command that produced the results, and with software versions.
 
-    The command does not show options with default values.
+    The command does not show options with default values. `results` is the content of results.json.
     """
     provenance = results.get("provenance", {})
     versions = results["versions"]
@@ -124,7 +130,8 @@ def made_by(results: dict[str, Any]) -> str:
 def overview_lines(results: dict[str, Any]) -> list[str]:
     """Return the lines of a Markdown table of scores and effort, one row per policy, and its caption.
 
-    The caption also states the success on flat ground of the policies that have no score.
+    The caption also states the success on flat ground of the policies that have no score. `results` is the content of
+    results.json.
     """
     scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
@@ -168,7 +175,10 @@ def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:
 
 
 def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
-    """Return the caption of the table in `overview_lines`; `effort_note` describes the effort columns."""
+    """Return the caption of the table in `overview_lines`.
+
+    `results` is the content of results.json; `effort_note` is the text about the effort columns.
+    """
     count = with_count(results["episodes"], "episode")
     axes = len(scores_of(results)[0].axes)
     return f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
@@ -190,7 +200,7 @@ def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
 
 
 def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
-    """Return a sentence about the success on flat ground for each policy that has no score.
+    """Return sentences about the success on flat ground, one for each policy that has no score.
 
     Args:
         cells_by_policy: Policy that has no score -> scenario -> results on that scenario.
@@ -209,8 +219,9 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
     """Return the lines of the Markdown table of scores on several robots, with one row per robot.
 
-    A robot has a second row if it was also evaluated with its hardware profile. The table has one column for each
-    policy that was evaluated on all robots.
+    A robot has a second row if it was also evaluated with its hardware profile (models of its real motors and sensors).
+    The table has one column for each policy that was evaluated on all robots. `results` has one evaluation per robot,
+    the content of its results.json.
     """
     scores_by_robot = [{score.policy: score for score in scores_of(entry)} for entry in results]
     policies = [name for name in scores_by_robot[0] if all(name in scores for scores in scores_by_robot)]
@@ -232,7 +243,10 @@ def _score_texts(scores: Mapping[str, Score], policies: Sequence[str]) -> dict[s
 
 
 def robot_of(results: dict[str, Any]) -> Robot:
-    """Load the robot of an evaluation; raise UsageError if it cannot be loaded on this machine."""
+    """Load the robot of an evaluation; raise UsageError if it cannot be loaded on this machine.
+
+    `results` is the content of the evaluation's results.json.
+    """
     name = results.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
     return parse_robot_option(name, "the results' robot").robot_model
 

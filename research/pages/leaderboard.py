@@ -1,6 +1,7 @@
-"""Leaderboard of a robot: `python -m research leaderboard LIST` evaluates its policies.
+"""Leaderboard of a robot: `python -m research leaderboard LIST` evaluates the policies of a list.
 
-Each policy has its own, ordinary evaluation; a finished one is not run again. The command writes their page.
+LIST is a TOML file with the robot and the policies. Each policy has a separate evaluation, as by `python -m evaluate`;
+a finished evaluation is not repeated. The command writes a page and CSV files with the results of all policies.
 """
 
 import re
@@ -114,8 +115,8 @@ def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOpti
 
     Args:
         name: Name of the policy on the leaderboard.
-        policy: Policy as in the option `--policies` of `python -m evaluate`.
-        policies: List of policies.
+        policy: Reference to the policy, as in the option `--policies` of `python -m evaluate`.
+        policies: List of all policies of the leaderboard.
         options: Options of the command.
 
     Returns:
@@ -147,9 +148,9 @@ def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOpti
 
 
 def _run(plan: Plan) -> Run:
-    """Run the evaluation of a plan unless it is finished, and return the stored evaluation.
+    """Run the evaluation that `plan` defines, if it is not finished, and return the stored evaluation.
 
-    Raises UsageError if it cannot be run, and KeyboardInterrupt after Ctrl-C.
+    The function raises UsageError if the evaluation cannot be run, and KeyboardInterrupt after Ctrl-C.
     """
     out = plan.options.out
     if not plan.options.resume or not read_run(out).complete:

@@ -1,4 +1,7 @@
-"""Markdown page of a leaderboard: mean success, results on each scenario, and sources of the files."""
+"""Functions that create the Markdown page of a leaderboard, which compares policies on one robot.
+
+The page has a table of the success rates, a table for each scenario, and the sources of the published policies.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -22,7 +25,7 @@ from research.pages.policy_list import PolicyList
 COMPARED = SUCCESS_RATE, "velocity_error"
 """Names of the metrics for which the page shows the difference of each policy from the reference policy."""
 COST = "cost_of_transport"
-"""Name of the effort measure 'cost of transport', as a key of results."""
+"""Name of the effort measure 'cost of transport' in the results of an evaluation."""
 
 
 def mean_success(results: Results) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Formatting of Markdown tables."""
+"""Function that formats Markdown tables, and headings of table columns for metrics."""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,7 +7,7 @@ from evaluate.measures.catalogue import BY_NAME
 from evaluate.report.headings import TITLES
 
 IN_A_LINE = {metric: TITLES[metric] + (f", {BY_NAME[metric].unit}" if metric in ERRORS else "") for metric in METRICS}
-"""Name of a metric -> heading of its table column, with the unit, on one line."""
+"""Name of a metric -> heading of the metric's column in a table, on one line; errors have their unit."""
 
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:

@@ -1,7 +1,8 @@
-"""List of policies to compare, a TOML file: policies of this project and of other projects.
+"""Functions that read the list of a leaderboard's policies, a TOML file, and find the policies' files.
 
-An example is docs/leaderboard/go1.toml. A file of a published policy is expected at FOLDER/OWNER/REPOSITORY/PATH, as in
-a clone of its repository.
+The list names policies of this project, and published policies of other projects. An example is
+docs/leaderboard/go1.toml. A file of a published policy is expected at FOLDER/OWNER/REPOSITORY/PATH, as in a clone of
+its repository. A missing file can be downloaded.
 """
 
 import hashlib
@@ -27,7 +28,7 @@ _SOURCE = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}")
 _SHA256 = re.compile("[0-9a-f]{64}")
 """Pattern of a SHA-256 hash, 64 hexadecimal digits."""
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
-"""Pattern of a path that may point outside of its folder, and so is refused."""
+"""Pattern of a path that may point outside of its folder; the list must not contain a path of this kind."""
 _DOWNLOAD_TIMEOUT = 60.0
 """Time without an answer of the server after which a download fails, s."""
 
@@ -41,14 +42,14 @@ class PublishedPolicy:
     source: str
     """URL of the repository on GitHub or Hugging Face that contains the policy."""
     revision: str
-    """Commit of the repository from which the files are taken."""
+    """Hash of the repository's commit from which the files of the policy are taken."""
     policy: str
     """Path of the file that describes the policy: its network, observations and actions.
 
     The path is a key of `files`, or the path of a file in the folder of the policy list. A file in the folder of the
     list is copied into the folder of the first file in `files`."""
     files: Mapping[str, str]
-    """Path of a file in the repository -> SHA-256 hash of the file."""
+    """Path of a file in the repository -> SHA-256 hash of the file, 64 hexadecimal digits."""
 
     def url(self, path: str) -> str:
         """Return the URL of the repository's file `path` at the commit `revision`."""

@@ -1,6 +1,7 @@
 """Results in the README: `python -m research readme RESULTS_JSON` writes scores and effort.
 
-With `--robots` it writes the table of other robots too. `python -m research results` draws the figures.
+RESULTS_JSON is the file results.json of an evaluation. With `--robots`, the command also writes the table of scores on
+other robots. It does not draw the plots that the README shows; `python -m research results` draws them.
 """
 
 import os
@@ -15,7 +16,7 @@ from research.pages import evaluations
 from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the generated block with the table of scores on other robots."""
+"""Name of the README's generated block that contains the table of scores on other robots."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,13 @@
-"""Results as data and figures: `python -m research results FOLDER…` writes docs/results from evaluations.
+"""Results as CSV files and plots: `python -m research results FOLDER…` writes docs/results.
 
-A folder NAME of `python -m evaluate` gives NAME.csv, every figure of each policy on each scenario; NAME_scores.csv and
-NAME_breaking_points.csv; and NAME.png, success of each policy on each axis. A page with the lines `<!-- NAME -->` and
-`<!-- /NAME -->` gets the scores, the figure, links to the files, and the command.
+FOLDER is an output folder of `python -m evaluate`. From a folder with the name NAME, the command writes:
+- NAME.csv, all results of each policy on each scenario,
+- NAME_scores.csv, the scores of the policies,
+- NAME_breaking_points.csv, the severities at which half of the episodes fail,
+- NAME.png, a plot of the success of each policy on each disturbance axis.
+
+A page with the lines `<!-- NAME -->` and `<!-- /NAME -->` gets the scores, the plot, links to the files, and the
+command that made the evaluation.
 """
 
 import os
@@ -25,7 +30,7 @@ TABLES = {
     "_hardware_scores": "scores with the robot's hardware profile",
     "_breaking_points": "severities at which half of the episodes fail",
 }
-"""Suffix of a CSV file's name -> description of the file's content, which the page shows as a link."""
+"""Suffix of a CSV file's name -> description of the file's content, the text of the link on the page."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,8 @@ def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
         results: Content of results.json.
 
     Returns:
-        Suffix of a CSV file's name, a key of TABLES -> rows of the file; a row is name of the column -> value.
+        Suffix of a CSV file's name, a key of TABLES -> rows of the file. A row is a dictionary: name of the column ->
+        value.
     """
     cells = [
         {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}

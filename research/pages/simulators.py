@@ -1,4 +1,8 @@
-"""Comparison of two simulators on the same episodes: `python -m research simulators A B`."""
+"""Comparison of two simulators on the same episodes: `python -m research simulators A B`.
+
+A and B are output folders of `python -m evaluate`, with the same policies and scenarios in different simulators. The
+table has the mean velocity error, the number of falls and the cost of transport in both simulators.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -92,12 +96,18 @@ def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
 
 
 def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
-    """Return two columns for a quantity in evaluations A and B: `name_a` -> value, `name_b` -> value."""
+    """Return two columns for the quantity `name`: `name_a` -> value in evaluation A, `name_b` -> value in B.
+
+    `figures` are the two values.
+    """
     return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 
 
 def _heads(names: list[str]) -> dict[str, str]:
-    """Return the table headings: column -> heading; `names` are the simulators of evaluations A and B."""
+    """Return the headings of the Markdown table: name of the column -> heading.
+
+    `names` are the names of the simulators of the two evaluations.
+    """
     a, b = names
     return {
         "cell": "scenario, policy",

@@ -1,8 +1,9 @@
-"""Effect of each choice of the training: `python -m research ablations` writes a table and a figure.
+"""Ablation study of the training: `python -m research ablations` measures the effect of each choice.
 
-They are docs/results/ablations.csv and .png. Every variant differs from the default command as its name says, and
-trains for the same number of steps from the same seeds. Success is taken from the last validation, on episodes and
-ground that no evaluation uses. A stopped study continues: finished runs in --out are kept.
+The results are written to docs/results/ablations.csv and .png. Every variant of the training changes one choice of the
+default command, which its name describes. All variants train for the same number of steps with the same seeds. Success
+is the success rate in the last validation, on episodes and ground that no evaluation uses. The command can be stopped
+and repeated: finished runs in --out are kept.
 """
 
 import json
@@ -169,8 +170,8 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
         variants: Name of a variant -> results from `read_results` for each seed.
 
     Returns:
-        Rows: name of the column -> value. A row has the success rate of each seed, and the mean success rate minus the
-        mean success rate of the default variant.
+        Rows: name of the column -> value. A row has the success rate of each seed, %, and its median over the seeds. It
+        also has the mean success rate minus the mean success rate of the default variant, percentage points.
     """
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     rows = []
@@ -191,7 +192,7 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Compute the difference of the mean success of two variants, with the interval of Welch's t-test.
+    """Compute the difference of the mean success rates of two variants, with Welch's t-interval.
 
     A bootstrap interval is not used, because it is too narrow with five seeds.
 
@@ -200,22 +201,23 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
         b: Success rate of the second variant with each seed, (seeds,), %.
 
     Returns:
-        Name of the column -> value, percentage points. The bounds `low` and `high` are missing if each variant has
-        equal values with all seeds.
+        Name of the column -> value, percentage points: the difference, and the bounds `low` and `high` of its 95 %
+        interval. The bounds are missing if each variant has equal values with all seeds.
     """
     from scipy.stats import ttest_ind
 
     difference = {"minus_default_points": float(a.mean() - b.mean())}
     if np.ptp(a) == np.ptp(b) == 0.0:
         return difference
-    with warnings.catch_warnings():  # because SciPy warns if all seeds have the same result
+    # The warnings are ignored, because SciPy warns if all seeds of a variant have the same result.
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
     return difference | {"low": float(low), "high": float(high)}
 
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Plot the difference in success of each variant from the default variant, with its interval.
+    """Plot the success rate of each variant minus the success rate of the default, with its 95 % interval.
 
     Args:
         table: Rows from `make_rows`.

@@ -1,7 +1,8 @@
 """Learning curves of training runs over steps: `python -m research curves RUN [RUN …]`.
 
-Success and cost of transport are drawn. Runs that differ in their seed alone are one curve: their mean, with a band
-from the lowest seed to the highest.
+RUN is the folder of a training run. The plot shows the success rate and the cost of transport at each validation. Runs
+that differ only in their seed give one curve: the mean over the seeds, with a band from the smallest to the largest
+value.
 """
 
 import json
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LABEL_LENGTH = 48
-"""Maximum length of the settings in the label of a curve, characters."""
+"""Maximum length of the training settings in the label of a curve, characters.
+
+If the settings are longer, the label shows the folder of a training run instead.
+"""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class RunCurve:
     steps: Floats
     """Number of training steps before each of the k validations, (k,)."""
     figures: Floats
-    """Results of the k validations, (2, k): success rate, 0 to 1, and cost of transport.
+    """Results of the k validations, (2, k): first row success rate, 0 to 1; second row cost of transport.
 
     The cost of transport is NaN if it was not recorded.
     """
@@ -113,7 +117,8 @@ class SeedBand:
         """Compute mean, minimum and maximum over the seeds, at the numbers of steps in `steps`.
 
         Returns:
-            Three arrays, mean, minimum and maximum, each (2, k): success rate, 0 to 1, and cost of transport.
+            Three arrays, mean, minimum and maximum, each (2, k) for k numbers of steps. The first row is the success
+            rate, 0 to 1; the second row is the cost of transport.
         """
         figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
         return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)

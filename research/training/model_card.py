@@ -1,4 +1,7 @@
-"""Text of MODEL.md, the model card of a trained policy: description, training and results."""
+"""Functions that create the text of MODEL.md, the model card of a trained policy.
+
+The model card describes the policy and its training, and has the results of its evaluation.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -34,13 +37,19 @@ class TrainedRun:
     git_revision: str
     """Git revision of the code that trained the policy."""
     bundle: Path
-    """Folder with the policy of the best validation (policy.json and policy.safetensors)."""
+    """Folder with the policy of the best validation: the files policy.json and policy.safetensors."""
     command_then: str | None = None
-    """Training command in the options of `git_revision`; None if the command of this version is the same."""
+    """Training command with the option names of the version `git_revision`.
+
+    None if the command of this version is the same."""
 
     @property
     def baseline(self) -> str:
-        """Name of the baseline policy of the comparison: the base policy, or `trot` if the base does not walk."""
+        """Name of the policy with which the trained policy is compared.
+
+        It is the base policy, to which the trained policy adds corrections. It is `trot` if the base policy only stands
+        or crouches.
+        """
         return "trot" if self.config.base in POSES else self.config.base
 
 
@@ -112,7 +121,7 @@ def describe_origin(run: TrainedRun) -> str:
 
 
 def describe_correction(config: TrainConfig) -> str:
-    """Describe in words the correction by the policy: base policy, rate, Hz, and largest correction, rad."""
+    """Describe in words how the policy corrects joint targets: base policy, rate, Hz, and limits, rad."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
     return f"corrects `{config.base}` at {rate:g} Hz by at most {authority}"
@@ -126,6 +135,8 @@ def describe_mixture(config: TrainConfig) -> str:
 
 def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """Create the results table of one kind of policy and the baseline, with one row per scenario.
+
+    A kind of policy is `residual` or `end-to-end`.
 
     Args:
         display_name: Name of the policy in the table.
@@ -153,7 +164,7 @@ def scores_table(
     """Create the table of the scores of the baseline and of each training run, the highest score first.
 
     Args:
-        display_names: Kind of policy -> name of the policy in the table.
+        display_names: Kind of policy (`residual` or `end-to-end`) -> name of the policy in the table.
         runs: Evaluated training runs.
         shipped: Training run of the shipped policy.
         results: Results of the evaluation of all training runs and of the baseline.
@@ -168,7 +179,7 @@ def scores_table(
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Create one row of `results_table`.
+    """Create one row of `results_table`: the results on one scenario.
 
     Args:
         scenario: Name of the scenario of the row.

@@ -1,7 +1,8 @@
-"""`python -m research publish`: evaluate finished runs and ship the run of seed 0.
+"""Publication of a trained policy: `python -m research publish RUN…` evaluates finished training runs.
 
-MODEL.md gets the table of all seeds. A shipped policy, for example models/go1/residual, is evaluated again in the same
-way: its MODEL.md is written with the old facts of its training and the new results.
+The policy of the run with seed 0 is copied to the shipped policies. Its model card MODEL.md has the results of all
+seeds. RUN can also be the folder of a shipped policy, for example models/go1/residual. Its MODEL.md is then written
+again, with the old facts of its training and with new results.
 """
 
 import json
@@ -62,7 +63,7 @@ class PublishOptions:
     """Folder to which the policy and MODEL.md are written; by default POLICY in the models of the robot, for example
     models/residual or models/go1/residual."""
     policy: str = "residual"
-    """Kind of the policy that is shipped, for example residual."""
+    """Kind of the policy that is shipped: residual or end-to-end."""
     scenarios: tuple[str, ...] | None = None
     """Scenarios of the evaluation; by default every disturbance axis where robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
@@ -72,7 +73,7 @@ class PublishOptions:
     out: Path = Path("results/publish")
     """Folder of the evaluation and its report."""
     resume: Flag = False
-    """Continue the interrupted evaluation in --out."""
+    """Continue an interrupted evaluation in the folder --out."""
     threads: int = parameter(available_cores(), limits=(1, 256))
     """Number of processes that simulate; the results do not depend on it; default: cores of this machine."""
 
@@ -263,7 +264,7 @@ def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
 
     Args:
         runs: Finished training runs.
-        policy: Kind of the policy that is shipped, for example `residual`.
+        policy: Kind of the policy that is shipped, `residual` or `end-to-end`.
 
     Returns:
         The selected training run.

@@ -1,7 +1,8 @@
-"""The README's block for Stable-Baselines3, run and evaluated: `python -m research sb3-block`.
+"""Test of the README's code block for Stable-Baselines3 (SB3): `python -m research sb3-block`.
 
-The block runs as printed, once for each seed, which replaces the one in its line `seed = 0`. Its models and a standing
-robot walk the held-out episodes of `python -m evaluate`.
+The command runs the code block once for each training seed, which replaces the seed in the line `seed = 0`. Then it
+evaluates the trained models, and a standing robot for comparison, on the episodes of `python -m evaluate`. Training
+does not use these episodes.
 """
 
 import contextlib
@@ -30,7 +31,7 @@ from research.pages import markdown
 from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the page's generated block that contains the results."""
+"""Name of the page's generated block that contains the results of the trained models."""
 SEED_LINE = "seed = 0\n"
 """Line of the README's code block that sets the training seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")
@@ -129,7 +130,10 @@ def training_steps(block: str) -> int:
 
 
 def block_digest(block: str) -> str:
-    """Return the SHA-256 hash of the code block; it shows if stored results are from the present block."""
+    """Return the SHA-256 hash of the code block, hexadecimal.
+
+    The hash is stored with the results, so that a later change of the code block can be detected.
+    """
     return hashlib.sha256(block.encode()).hexdigest()
 
 
@@ -178,7 +182,10 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
 
 
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
-    """Return the lines of Markdown with the results in `record`, the content of the JSON file."""
+    """Return the lines of Markdown with the results of all trained models and of the standing robot.
+
+    `record` is the content of the JSON file that this command writes.
+    """
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
     heads["falls"] = f"falls, `{SCENARIOS[0]}`"
@@ -209,7 +216,7 @@ def _row(
         name: Text of the first column: the seed, or a description of the policy.
         minutes: Text of the column with the processor time.
         scenarios: Results of the policy from `evaluate`.
-        record: Content of the JSON file.
+        record: Content of the JSON file that this command writes.
 
     Returns:
         Name of the column -> text of the cell.
@@ -223,7 +230,7 @@ def _row(
 
 
 def _commands(name: str) -> str:
-    """Describe in words the ranges from which the scenario `name` draws velocity commands, m/s and rad/s."""
+    """Describe in words the ranges of the velocity commands of the scenario `name`, m/s and rad/s."""
     ranges = scenario(name).commands
     low, high = ranges.forward
     return (
@@ -233,12 +240,20 @@ def _commands(name: str) -> str:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Read the results from the JSON file that this command has written."""
+    """Read the results from the JSON file `path`, which the command `sb3-block` has written."""
     return dict(json.loads(path.read_bytes()))
 
 
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
-    """Return the lowest success rate of all seeds in a `record`, 0 to 1, on the scenario `name`."""
+    """Return the lowest success rate of the trained models on the scenario `name`, 0 to 1.
+
+    Args:
+        record: Content of the JSON file that this command writes, with one model for each training seed.
+        name: Name of the scenario.
+
+    Returns:
+        The lowest success rate of all training seeds.
+    """
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
     fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
     return fewest / int(record["episodes"])

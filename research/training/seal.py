@@ -1,6 +1,7 @@
-"""Digests of the descriptions of trained policies: `python -m research seal FOLDER…`.
+"""Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them.
 
-It adds them to older bundles. `policies.load` refuses a `policy.json` with this digest if its content was altered.
+The description is the file `policy.json` in the folder of the policy. Its digest is the SHA-256 hash of its content,
+which older files do not have. `policies.load` refuses a file with a digest if its content was changed later.
 """
 
 import json
@@ -26,7 +27,7 @@ class SealOptions:
 
 
 def main(options: SealOptions) -> int:
-    """Run the command `seal`: write the digest into each policy's description.
+    """Run the command `seal`: write the digest (hash) into each policy's description, and print it.
 
     Args:
         options: Options of the command.

@@ -1,8 +1,9 @@
 """Search of the parameters of policies with feedback by CMA-ES, for success on many scenarios.
 
-The outcome is compared with the parameters in force on the same episodes of the "validation" family, which the search
-has not seen, and adopted only if it is better. A search takes 26 minutes on one core, three times as long for mpc_wbc.
-Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation.
+The new parameters are compared with the present ones on the same validation episodes, which the search does not use.
+They replace the present parameters only if they are better. A search takes 26 minutes on one core, and three times as
+long for the policy mpc_wbc. A file that ends in .trials.jsonl has one line for each generation, with the candidates
+(parameter sets) and their costs.
 """
 
 from dataclasses import dataclass
@@ -41,9 +42,9 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Default scenarios of the search; their severities are scaled to the size of the robot.
+"""Default scenarios of the search for SimpleQuad; for other robots, their severities are scaled to the size.
 
-The severities range from one at which a trot succeeds to one at which a trot rarely succeeds."""
+The severities range from mild ones, at which a trot succeeds, to hard ones, at which a trot rarely succeeds."""
 SIGNIFICANT = 0.05
 """Significance level: new parameters are adopted only if the p-value of the comparison is at most this value."""
 ADOPTED = "The outcome is adopted."
@@ -108,7 +109,7 @@ def main(options: FeedbackSearchOptions) -> int:
 
 
 def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
-    """Define the search problem for a policy: start, bounds, cost function and output files.
+    """Define the search problem for a policy: start parameters, bounds, cost function, output files.
 
     The search starts from the present parameters of the policy, or from the parameter file in the option `start`.
 
@@ -131,14 +132,20 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     ranges = scaled_ranges(target.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        """Return the mean cost of each of the `candidates` in the episodes of the `seeds`, (candidates,)."""
+        """Return the mean cost of each parameter set in `candidates`, (candidates,), dimensionless.
+
+        The mean is over all scenarios, and over the episodes with the given `seeds`.
+        """
         walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
         episode_values = [episode_costs(measure(walk)) for walk in walks]
         mean: Floats = np.reshape(episode_values, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
-        """Compare `after` with the present parameters; return the adopted ones as JSON, and a report in Markdown."""
+        """Compare the new parameters `after` with the present ones; return JSON and a report in Markdown.
+
+        The JSON text has the new parameters if they are significantly better, otherwise the present ones.
+        """
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         is_better, decision = adoption_decision(differences)
@@ -155,7 +162,8 @@ def adoption_decision(differences: Floats) -> tuple[bool, str]:
     """Decide if the parameters that a search has found replace the present parameters.
 
     Args:
-        differences: Cost with the new parameters minus cost with the present parameters for each seed, (n,).
+        differences: Mean cost of an episode with the new parameters minus mean cost with the present parameters, for
+            each of n validation seeds, (n,), dimensionless.
 
     Returns:
         is_better: True if the cost is significantly smaller with the new parameters.
