@@ -177,17 +177,17 @@ class StartNoise(Settings):
     """
 
     yaw: float = 3.141592653589793
-    """Yaw angle, rad; the full circle, so that a policy cannot rely on equal heading and world frames"""
+    """Largest start yaw angle, rad; a full circle, so that policies cannot rely on equal heading and world frames"""
     tilt: float = 0.03
-    """Roll and pitch angles, rad"""
+    """Largest start roll and pitch angle, rad; drawn between minus and plus this value"""
     joint_position: float = 0.05
-    """Offset of each joint angle from the home pose, rad"""
+    """Largest start offset of each joint from the home pose, rad; drawn between minus and plus this value"""
     joint_velocity: float = 0.1
-    """Joint speeds, rad/s"""
+    """Largest start speed of each joint, rad/s; drawn between minus and plus this value"""
     linear_velocity: float = 0.1
-    """Trunk velocity along each axis of the world frame, m/s"""
+    """Largest start velocity of the trunk along each world axis, m/s; drawn between minus and plus this value"""
     angular_velocity: float = 0.1
-    """Trunk angular velocity about each axis of the base frame, rad/s"""
+    """Largest start angular velocity about each axis of the base frame, rad/s; drawn from minus to plus this value"""
 
 
 @dataclass(frozen=True)
@@ -199,11 +199,11 @@ class AnyPose(Settings):
     """
 
     joint_velocity: float = 3.0
-    """Joint speeds, rad/s"""
+    """Largest start speed of each joint, rad/s; drawn between minus and plus this value"""
     linear_velocity: float = 1.0
-    """Trunk velocity along each axis of the world frame, m/s"""
+    """Largest start velocity of the trunk along each world axis, m/s; drawn between minus and plus this value"""
     angular_velocity: float = 3.0
-    """Trunk angular velocity about each axis of the base frame, rad/s"""
+    """Largest start angular velocity about each axis of the base frame, rad/s; drawn from minus to plus this value"""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""Diagnosis of a robot that does not stand in simulation: finds the likely cause, and proposes a remedy.
+"""Diagnosis of a robot that does not stand in simulation: finds the likely cause and a remedy.
 
 The remedy of each suspected cause is tested in simulation. The first remedy with which the robot stands is proposed.
-The tested causes are servo gains, implausible inertias, joint springs and self-contacts. Servo gains that the robot
-already has are never proposed.
+The tested causes are servo gains, implausible inertias, joint springs, and contacts between the robot's own bodies.
+Servo gains that the robot already has are never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,12 +22,12 @@ from quad_env.robots.similarity import scaled_servo_gains
 from quad_env.robots.unlikely_inertias import find_unlikely_inertias
 
 GAIN_TOLERANCE = 0.1
-"""Relative difference between two servo gains up to which they are considered equal, dimensionless."""
+"""Largest relative difference at which two servo gains are considered equal, dimensionless."""
 _SHOWN = 3
 """Largest number of names that a message lists; further names are only counted."""
 
 ModelChange = Callable[[Any], None]
-"""Function that takes the simulation of one robot and changes its model in place."""
+"""Type of a function that takes a simulation of one robot and changes the simulated model in place."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,15 @@ class Suspect:
     remedy: str
     """Text about the proposed change of the model or of a parameter, for the user."""
     apply_remedy: ModelChange | None = None
-    """Function that applies the remedy to a simulation; None if the remedy changes robot parameters."""
+    """Function that changes the model of a simulation as the remedy proposes.
+
+    It is None if the remedy changes parameters of the robot instead of the model.
+    """
     robot: Robot | None = None
-    """Robot with the changed parameters; None if the remedy changes the model and not the parameters."""
+    """Robot with the parameters that the remedy proposes; None if the remedy changes only the model."""
 
     def helps(self, robot: Robot) -> bool:
-        """Return True if the robot `robot` passes the stance test after the remedy has been applied."""
+        """Return True if `robot` passes the stance test after the remedy has been applied to it."""
         env = make_standing_env(self.robot or robot)
         if self.apply_remedy is not None:
             self.apply_remedy(env.simulation)
@@ -53,10 +56,10 @@ class Suspect:
 
 
 def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
-    """Find the likely cause why a robot fails to stand, and a remedy.
+    """Find the likely cause for the failed stance test of a robot, and a remedy.
 
     Args:
-        subject: The robot as the user named it, for the texts.
+        subject: The examined robot, with its name as the user has given it.
         stance: Result of the robot's stance test, which has failed.
 
     Returns:
@@ -85,7 +88,7 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
 def _holds_targets(stance: Stance) -> bool:
     """Return True if the joints hold their targets in the stance test, but the trunk is tilted or too low.
 
-    In this case, the home pose or the masses are wrong, and the servos are not.
+    In this case, the servos are good, and the home pose or the masses are wrong.
     """
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
@@ -94,7 +97,7 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield the suspected causes of a failed stance test, the most likely cause first.
 
     Args:
-        subject: The robot as the user named it, for the texts.
+        subject: The examined robot, with its name as the user has given it.
         stance: Result of the robot's stance test.
 
     Yields:
@@ -127,13 +130,13 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
-    """Yield the suspected cause of unsuitable servo gains, unless the robot already has the proposed gains.
+    """Yield the suspected cause "unsuitable servo gains", unless the robot already has the proposed gains.
 
-    Its remedy sets SimpleQuad's servo gains, scaled by leg length and mass. Nothing is yielded for a robot with
+    The remedy is to use SimpleQuad's servo gains, scaled by leg length and mass. Nothing is yielded for a robot with
     overloaded joints, because other gains do not help it.
 
     Args:
-        subject: The robot as the user named it, for the texts.
+        subject: The examined robot, with its name as the user has given it.
         stance: Result of the robot's stance test.
 
     Yields:
@@ -159,7 +162,7 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield a suspected cause if joints of the robot's model have springs; its remedy removes the springs."""
+    """Yield the suspected cause "joint springs" if the robot has them; its remedy removes the springs."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -176,18 +179,18 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def self_contacts(subject: DoctorSubject) -> list[str]:
-    """Return one line about the bodies of a robot that press against each other after the stance test.
+    """Return one line about the robot's bodies that touch each other at the end of the stance test.
 
-    The list is empty if no bodies do.
+    The list is empty if the bodies of the robot do not touch each other.
     """
     pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
 def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
-    """Run the stance test, and return the pairs of the robot's bodies that touch each other at its end.
+    """Run the stance test in `env`, and return the pairs of bodies that touch each other at its end.
 
-    Each pair contains the names of the two bodies in the robot's file.
+    `env` is an environment of one robot. Each pair contains the names of the two bodies in the robot's file.
     """
     measure_stance(env)
     model = env.model
@@ -229,7 +232,7 @@ def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
 
 
 def _rounded(gain: float) -> str:
-    """Round a servo gain to a short text; exactly this rounded gain is tested and then proposed to the user."""
+    """Format a servo gain as a short, rounded text; the rounded gain is tested and then proposed."""
     if gain < 1.0:
         return f"{gain:.3g}"
     return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
@@ -254,9 +257,9 @@ def _shorten_names(names: list[str]) -> str:
 
 
 def _joint_name(model: Any, joint: int) -> str:
-    """Return the name of the joint with id `joint`; "the free joint" for the trunk's free joint.
+    """Return the name of the joint with the id `joint` in the compiled `model`.
 
-    The free joint is the joint with the first six degrees of freedom of the compiled `model`.
+    The result is "the free joint" for the trunk's free joint, which has the first six degrees of freedom of the model.
     """
     return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
 

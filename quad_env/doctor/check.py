@@ -1,6 +1,6 @@
-"""Framework of the command `doctor`: the examined robot and policy, a check, and the finding of a check.
+"""Basic classes of the command `doctor`: the examined robot and policy, a check, and its result.
 
-A check is left out if it needs another check, and this other check has found a problem.
+`run_checks` runs checks in order. It leaves out a check that depends on another check which has found a problem.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,11 +22,11 @@ class DoctorSubject:
     policy: str | None = None
     """Name or path of the examined policy; None if no policy is examined."""
     trust: bool = False
-    """True if the policy may be loaded from a file format that can contain hidden code."""
+    """True if the policy may be loaded from a file format that can contain code, which loading would execute."""
 
     @property
     def name(self) -> str:
-        """Name of the examined robot, or the path of its file, as texts for the user show it."""
+        """Name of the examined robot, or path of its file, for texts that the user reads."""
         return (
             self.robot_source
             if isinstance(self.robot_source, str)
@@ -44,7 +44,7 @@ class DoctorSubject:
 
     @cached_property
     def env(self) -> Any:
-        """Environment of one robot in which the examined robot has stiff servos; a fall does not end an episode.
+        """Environment with the examined robot, which has stiff servos; a fall does not end an episode.
 
         ValueError is raised if the robot cannot be simulated.
         """
@@ -54,9 +54,9 @@ class DoctorSubject:
 
     @property
     def parameter_source(self) -> str:
-        """Name of the TOML file in which the user can change robot parameters, for remedies.
+        """Text for remedies: the TOML file in which the user can change parameters of the examined robot.
 
-        It is a text with the command that makes the file if the robot has no TOML file.
+        If the robot has no TOML file, the text contains the command that makes this file.
         """
         if self.name.endswith(".toml"):
             return self.name
@@ -68,19 +68,19 @@ class Finding:
     """Result of a check of the command `doctor`; made by the function of the check or by `run_checks`."""
 
     result: Literal["ok", "warning", "problem", "left out"]
-    """Outcome of the check: a problem must be repaired, a warning need not be repaired."""
+    """Outcome of the check; a "problem" must be repaired, and a check that was not run is "left out"."""
     observed: str
-    """Text of one line about the observed fault or, if there is none, about the checked thing."""
+    """Text of one line about the fault that the check has found; without a fault, about the examined property."""
     cause: str = ""
-    """Text about the likely cause of a warning or problem; empty for other results."""
+    """Text about the likely cause of a warning or problem; empty if the check has found no fault."""
     remedy: str = ""
-    """Text about the remedy of a warning or problem; empty for other results."""
+    """Text about the remedy of a warning or problem; empty if the check has found no fault."""
     details: tuple[str, ...] = ()
     """Further observations for the user, one line each, such as omitted parts of a model."""
 
 
 def ok(observed: str) -> Finding:
-    """Return the finding of a check that has found no fault; `observed` is a line about the checked thing."""
+    """Return the finding of a check that has found no fault; `observed` is a line about the examined property."""
     return Finding("ok", observed)
 
 
@@ -100,12 +100,15 @@ def problem(observed: str, cause: str, remedy: str) -> Finding:
 
 @dataclass(frozen=True)
 class DoctorCheck:
-    """Check of the command `doctor`, with a name; the package `live` has further checks, of policies."""
+    """One check of the command `doctor`: its name, its function, and the checks that must precede it.
+
+    The checks of this package examine the installation and the robot; the package `live` has checks of policies.
+    """
 
     name: str
     """Name of the check in the printed report, such as `limits`."""
     place: str
-    """Module and name of the function that does the check, such as `quad_env.doctor.model:model`.
+    """Module and name of the function that performs the check, such as `quad_env.doctor.model:model`.
 
     The function takes a `DoctorSubject` and returns a `Finding`. Its module is imported only by `run`, because the
     import itself may fail.
@@ -113,7 +116,7 @@ class DoctorCheck:
     needs: tuple[str, ...] = ()
     """Names of the checks that must succeed before this one.
 
-    If one of them fails, this check is left out, because it would only report the same problem again.
+    If one of these checks finds a problem, this check is left out, because it would only report the same problem again.
     """
 
     def run(self, subject: DoctorSubject) -> Finding:

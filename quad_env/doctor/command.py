@@ -27,12 +27,12 @@ CHECKS = (
     DoctorCheck("stands", f"{PACKAGE}.stance_check:stands", ("joints",)),
     DoctorCheck("plausible", f"{PACKAGE}.model:plausible", ("stands",)),
 )
-"""Checks of the installation and the robot, in the order of execution.
+"""Checks of the installation and the robot that `doctor` performs, in the order of execution.
 
 Each check follows the checks that it needs. If several checks find problems, the first one must be repaired first.
 """
 NO_CLONE_NOTE = "walking and policies were not examined: they need a clone of the project"
-"""Note at the end of the report if only the package `quad_env` is installed, without the policies."""
+"""Note at the end of the report of `doctor` if only the package `quad_env` is installed, but not the policies."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ class DoctorOptions:
 def main(options: DoctorOptions) -> int:
     """Run the checks of the installation and the robot, and return the exit code of the command.
 
-    It is the command `doctor` if only the package `quad_env` is installed, so options about policies raise UsageError.
+    It is used if only the package `quad_env` is installed. Options about policies raise UsageError, because this
+    package contains no policies.
     """
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
@@ -70,7 +71,7 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
         Exit code: 0 if no check has found a problem, else 1.
     """
     if options.robot not in ROBOTS and not Path(options.robot).is_file():
-        parse_robot(options.robot)  # The robot is unknown, so this call raises UsageError.
+        parse_robot(options.robot)  # This call raises UsageError with a message for the user.
     subject = DoctorSubject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
     for name, finding in run_checks((*CHECKS, *(policy_checks or ())), subject):
@@ -83,9 +84,9 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
 
 
 def _lines(name: str, finding: Finding) -> Iterator[str]:
-    """Yield the printed lines of the finding of the check `name`.
+    """Yield the lines of the printed report about the check `name` with the result `finding`.
 
-    They contain the observation, its details, and the cause and remedy of a fault.
+    The lines contain the observation, its details, and the cause and remedy of a fault.
     """
     yield f"{finding.result:9} {name:11} {finding.observed}"
     yield from (f"{'':22}{line}" for line in finding.details)

@@ -15,10 +15,10 @@ from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 PROJECT = "simple-quad"
 """Name of the distribution of this project in the package index."""
 RENDER_TIMEOUT = 60.0
-"""Largest run time of a subprocess until it has drawn one frame, s.
+"""Time after which a subprocess that has not yet drawn one frame is stopped, s.
 
-It leaves time for software rendering, which compiles the shaders on the processor. The time in which other programs had
-the processor is not counted, see `RunClock`.
+It is long enough for software rendering, which compiles the shaders on the processor. The time in which other programs
+used the processor is not counted, see `RunClock`.
 """
 EGL_REMEDY = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAWING_PROGRAM = """
@@ -29,7 +29,7 @@ if env.render().std() < 1.0:
     raise SystemExit("Error: the frame is empty")
 env.close()
 """
-"""Python program that draws one frame.
+"""Source code of a Python program that draws one image of the robot with OpenGL.
 
 It runs in a subprocess, because a broken OpenGL can crash the process that uses it.
 """
@@ -46,7 +46,7 @@ def packages(_: DoctorSubject) -> Finding:
 
 
 def _fault(needed: Requirement) -> str | None:
-    """Return a text about the fault of a required package; None if it is installed in a valid version."""
+    """Return a text about the fault of the `needed` package; None if a valid version is installed."""
     try:
         version = metadata.version(needed.name)
     except metadata.PackageNotFoundError:
@@ -57,10 +57,10 @@ def _fault(needed: Requirement) -> str | None:
 
 
 def mujoco(_: DoctorSubject) -> Finding:
-    """Check that MuJoCo can be imported, including its simulation of many robots in one batch."""
+    """Check that MuJoCo can be imported, including its functions that simulate many robots in one batch."""
     try:
         import_module("quad_env.physics.simulation")  # This module imports the parts of MuJoCo that all commands use.
-    except Exception as error:  # The exception can be any, because an OpenGL backend or a system library raises it.
+    except Exception as error:  # OpenGL backends and system libraries can raise any exception.
         observed = f"MuJoCo does not load: {' '.join(str(error).split())}"
         if chosen := os.environ.get("MUJOCO_GL"):
             cause = f"MUJOCO_GL={chosen}, which MuJoCo reads as it loads, asks for what is not here"
@@ -72,7 +72,7 @@ def mujoco(_: DoctorSubject) -> Finding:
 
 
 def opengl(_: DoctorSubject) -> Finding:
-    """Check that a subprocess can draw one frame with OpenGL."""
+    """Check that a subprocess can draw one image of the robot with OpenGL."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAWING_PROGRAM
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
@@ -90,7 +90,7 @@ def opengl(_: DoctorSubject) -> Finding:
 
 
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
-    """Wait for the end of the subprocess `run`, and return its standard error.
+    """Wait for the end of the subprocess `run`, and return its standard error as bytes.
 
     If the subprocess has not ended after the run time RENDER_TIMEOUT, it is killed, and None is returned.
     """
@@ -103,7 +103,7 @@ def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
 
 
 def _drawing_problem(error: str) -> Finding:
-    """Return the finding if no frame could be drawn; `error` is the last error line of the subprocess."""
+    """Return the finding for a subprocess that could not draw an image; `error` is its last error line."""
     if sys.platform != "linux":
         return problem(error, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
     cause = "EGL, the display or a driver behind it is missing"

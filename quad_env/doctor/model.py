@@ -1,6 +1,7 @@
 """Checks of a robot's model for the command `doctor`.
 
-They concern loading, plausibility, joint names, joint limits, and the symmetry of left and right legs.
+They examine the loading of the model, the plausibility of its numbers, joint names, joint limits, and the symmetry of
+left and right legs.
 """
 
 from collections.abc import Iterator
@@ -18,18 +19,18 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
 MIN_RANGE = 0.1
-"""Smallest valid distance between the lower and the upper limit of a joint, rad."""
+"""Smallest valid range of a joint angle, from its lower to its upper limit, rad."""
 MAX_RANGE = 8.01 * np.pi
-"""Largest valid distance between the lower and the upper limit of a joint, rad.
+"""Largest valid range of a joint angle, from its lower to its upper limit, rad.
 
-It is large, because ANYmal's joints can make three turns.
+It is slightly more than four turns. The limit is large, because ANYmal's joints can make three turns.
 """
 MIN_MARGIN = 0.03
 """Smallest valid distance between an angle of the home pose and the limits of its joint, rad."""
 MIRROR_TOLERANCE = 0.2
-"""Largest valid difference between the mirrored angles of a left and a right leg, rad.
+"""Largest valid difference between an angle of a left leg and the mirrored angle of the right leg, rad.
 
-It applies to joint limits and to the home pose. Spot has a difference of 0.05 rad in a joint limit.
+It applies to joint limits and to the home pose. For comparison, the joint limits of the robot Spot differ by 0.05 rad.
 """
 
 
@@ -55,9 +56,9 @@ def model(subject: DoctorSubject) -> Finding:
 
 
 def _describe_model(robot: Robot) -> Finding:
-    """Return the finding for a valid model of a robot.
+    """Return the finding "ok" for a valid model of `robot`.
 
-    Its details list the parts of the file that the robot lacks, and shapes that overlap in the home pose.
+    Its details list the parts of the model file that are not simulated, and shapes that overlap in the home pose.
     """
     locked = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
@@ -123,14 +124,15 @@ def _range_problem(robot: Robot) -> Finding | None:
 
 
 def _mirror_problem(robot: Robot) -> Finding | None:
-    """Return the finding of a problem if the joint limits of a left and a right leg do not mirror each other.
+    """Return the finding of a problem if joint limits of a left and a right leg do not mirror each other.
 
-    None is returned if they do. Only hip angles change their sign when they are mirrored.
+    None is returned if all joint limits mirror each other. Hip angles change their sign when they are mirrored, thigh
+    and calf angles do not.
     """
     lower = robot.joint_lower
     upper = robot.joint_upper
     for left, right in _pairs(robot):
-        if len(set(_knees(robot, left, right))) > 1:  # The check `joints` reports knees that bend opposite ways.
+        if len(set(_knees(robot, left, right))) > 1:  # The check `joints` reports this fault.
             continue
         mirrored_lower = np.array([-upper[right][0], *lower[right][1:]])
         mirrored_upper = np.array([-lower[right][0], *upper[right][1:]])
@@ -159,7 +161,7 @@ def joints(subject: DoctorSubject) -> Finding:
 
 
 def _shorten_names(names: list[str]) -> str:
-    """Return the first name and the number of the other names, as in `fl_calf_joint and 3 more`."""
+    """Return the first of the `names` and the number of the other names, such as `fl_calf_joint and 3 more`."""
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
@@ -168,7 +170,7 @@ def _correct(attribute: str, robot: Robot) -> str:
 
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
-    """Yield the joints of the left and the right leg as slices of the twelve joints of `robot`.
+    """Yield the joints of a left and a right leg, as a pair of slices of the twelve joints of `robot`.
 
     The first pair is front left and front right, the second pair is hind left and hind right.
     """

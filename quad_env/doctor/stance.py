@@ -1,4 +1,4 @@
-"""Stance test of a robot: in simulation, it holds its home pose for two seconds, and then squats."""
+"""Stance test: a simulated robot holds its home pose for two seconds, then squats, and is measured."""
 
 import math
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ STAND_TIME = 2.0
 
 @dataclass(frozen=True)
 class StanceLimits:
-    """Largest valid measurements of the stance test; a robot with a larger one does not stand."""
+    """Largest valid measurements of the stance test; a robot that exceeds one of them does not stand."""
 
     tilt: float = 0.1
     """Largest valid angle between the trunk's z axis and the vertical in the home pose, rad."""
     sink: float = 0.2
-    """Largest valid sink of the trunk under the weight, as a fraction of its height in the home pose."""
+    """Largest valid loss of the trunk's height under the robot's weight, as a fraction of its home height."""
     tracking_error: float = 0.1
     """Largest valid difference between a joint angle and its target under the robot's weight, rad."""
     torque: float = 0.95
@@ -32,32 +32,35 @@ class StanceLimits:
     joint_speed: float = 1.0
     """Largest valid root mean square of all joint speeds at the end of the squat, rad/s.
 
-    The robots in `quad_env.ROBOTS` have at most 0.3.
+    It is at most 0.3 rad/s for the robots in `quad_env.ROBOTS`.
     """
 
 
 LIMITS = StanceLimits()
-"""Limits that the stance test uses."""
+"""Largest measurements that a robot may have in the stance test."""
 SETTLING_TIME = 0.5
-"""Duration of the squat in the stance test, s; the robot has to come to rest within this time."""
+"""Duration of the squat in the stance test, s; a robot that stands comes to rest within this time."""
 MEASURED_TIME = 0.2
-"""Time at the end of the home pose and at the end of the squat over which the measurements are averaged, s."""
-SQUAT_STEP = 0.1
-"""Step of the thigh targets with which the squat of the stance test starts, rad.
+"""Duration over which the stance test averages its measurements, s.
 
-The step of the calf targets is twice as large.
+It lies at the end of the time in which the robot holds its home pose, and again at the end of the squat.
+"""
+SQUAT_STEP = 0.1
+"""Change of the thigh joint targets with which the squat of the stance test starts, rad.
+
+The change of the calf joint targets is twice as large.
 """
 
 
 class DivergedError(ValueError):
-    """Error that the simulated state of a robot has become infinite or NaN in the stance test."""
+    """Error that is raised when the simulated state of a robot becomes infinite or NaN in the stance test."""
 
 
 @dataclass(frozen=True)
 class Stance:
     """Measurements of the stance test of one robot; made by `measure_stance`.
 
-    All numbers are NaN if the simulation has diverged, that is, its state has become infinite or NaN.
+    All measured numbers are NaN if the simulation has diverged, that is, its state has become infinite or NaN.
     """
 
     robot: Robot
@@ -65,16 +68,16 @@ class Stance:
     diverged: bool = False
     """True if the simulated state has become infinite or NaN."""
     height: float = math.nan
-    """Height of the trunk above the ground after the robot has held its home pose, m."""
+    """Height of the trunk above the ground after two seconds in the home pose, m."""
     tilt: float = math.nan
-    """Angle between the trunk's z axis and the vertical after the robot has held its home pose, rad."""
+    """Angle between the trunk's z axis and the vertical after two seconds in the home pose, rad."""
     tracking_errors: NDArray[np.float64] | None = None
     """Absolute difference between each joint angle and its target in the home pose, (12,), rad.
 
     It is None if the simulation has diverged.
     """
     torque: float = math.nan
-    """Largest joint torque in the home pose: magnitude of the mean over time of each joint, N·m."""
+    """Largest joint torque in the home pose, N·m: magnitude of the mean over time of each joint's torque."""
     joint_speed: float = math.nan
     """Root mean square of all joint speeds at the end of the squat, rad/s."""
 
@@ -88,14 +91,17 @@ class Stance:
 
     @property
     def is_overloaded(self) -> bool:
-        """True if a joint needs almost its rated torque in the home pose, so that it has no reserve for motion."""
+        """True if the torque of a joint in the home pose exceeds the limit `StanceLimits.torque`.
+
+        This joint needs almost its rated torque, so that it has no reserve for motion.
+        """
         return self.torque > LIMITS.torque * self.robot.rated_torque
 
     @property
     def fault(self) -> str | None:
         """Text about the first limit of the stance test that the robot exceeds; None if the robot stands.
 
-        A measurement that is not finite is a fault, too.
+        An infinite or NaN measurement counts as a fault, too.
         """
         robot = self.robot
         values = (self.height, self.tilt, self.tracking_error, self.torque, self.joint_speed)
@@ -155,7 +161,7 @@ def _joint_speed_after_squat(env: Any) -> float:
 
 
 def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """Simulate a robot with constant joint targets.
+    """Simulate a robot with constant joint targets, and return its states.
 
     Args:
         env: Environment of one robot.

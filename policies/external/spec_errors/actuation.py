@@ -158,9 +158,10 @@ def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _scaled_gains(spec: PolicySpec) -> list[Floats]:
-    """Return servo gains to try: arrays (2, 12) with the stiffness, N·m/rad, and the damping, N·m·s/rad.
+    """Return servo gains to try, as arrays (2, 12): stiffness, N·m/rad, and damping, N·m·s/rad.
 
-    They are the gains of the specification, multiplied together by GAIN_FACTORS or singly by SINGLE_GAIN_FACTORS.
+    Each array contains the gains of the specification `spec` after one change. Either stiffness and damping are both
+    multiplied by a factor in GAIN_FACTORS, or only one of them is multiplied by a factor in SINGLE_GAIN_FACTORS.
     """
     gains = np.array((spec.stiffness, spec.damping))
     scaled = [factor * gains for factor in GAIN_FACTORS]
