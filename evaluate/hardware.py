@@ -1,6 +1,7 @@
-"""Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
+"""Hardware settings of the simulated robots: checks them, describes them, and makes policies for them.
 
-The functions of this module import other packages only when they are called, because --help must be quick.
+The hardware is the robot, its servo gains, motors, sensors and state estimator, and the physics simulator. The
+functions of this module import other packages only when they are called, because --help must be quick.
 """
 
 import sys
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Hardware of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
+    """Hardware settings of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
 
-    Each field except `servo` has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
+    Environments and policies of one evaluation or training run are made from the same object. Each field except `servo`
+    has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
     """
 
     actuator: str = "ideal"
-    """Name of the motor model; `ideal` for servo motors that only their torque limit restricts."""
+    """Name of the motor model; `ideal` for servo motors that have a torque limit and no other imperfection."""
     sensors: str = "truth"
     """Name of the sensor model; `truth` if the policy observes the true state."""
     estimator: str = "complementary"
@@ -32,16 +34,17 @@ class HardwareConfig:
     robot: str = "simple_quad"
     """Name of a built-in robot, or path of a file that describes a robot in MJCF, URDF or TOML."""
     servo: str = ""
-    """Servo gains for this project's controllers, as text `stiffness/damping`, N·m/rad and N·m·s/rad.
+    """Servo gains of the robot for this project's controllers: text `stiffness/damping`, N·m/rad and N·m·s/rad.
 
-    `stiff` stands for the gains `stiff_servo` of the robot. Each policy keeps its own servo gains if the text is empty.
+    The text `stiff` means the gains in the field `stiff_servo` of the robot. If the text is empty, each policy has its
+    own servo gains.
     """
     simulator: str = "mujoco"
     """Name of the physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """Robot object with the name or file `robot`, and with the servo gains `servo` if they are given.
+        """Robot object that the field `robot` names, with the servo gains of the field `servo` if they are given.
 
         The property loads the robot. It raises ValueError if `servo` is not `stiffness/damping`, and the errors of
         `quad_env.robots.registry.get_robot` if the robot cannot be loaded.
@@ -62,13 +65,13 @@ class HardwareConfig:
             raise ValueError(f"{fact}; got {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Return the keyword arguments with which to make an environment with this hardware for a policy.
+        """Return keyword arguments of `SimpleQuadVectorEnv`, for an environment with this hardware and a policy.
 
         Args:
             robot: Robot of the policy. The environment's robot gets the servo gains of this robot.
 
         Returns:
-            Name of the keyword argument -> value.
+            Name of the keyword argument -> value: actuator, sensors, estimator, simulator and robot.
         """
         robot_model = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
@@ -108,16 +111,17 @@ class HardwareConfig:
 
 
 IDEAL = HardwareConfig()
-"""Default hardware: the robot SimpleQuad with ideal motors and the true state, in MuJoCo.
+"""Default hardware: the robot SimpleQuad with ideal motors, simulated by MuJoCo.
 
 The policies observe the true state instead of the output of a state estimator.
 """
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Describe the parts of `hardware` that differ from the default, for example ` Robot: go1.`, in words.
+    """Describe in words the settings of `hardware` that differ from the default, for example ` Robot: go1.`.
 
-    The text has one sentence for each of these parts, with a space before it. It is empty for the default hardware.
+    The text has sentences for these settings only, each with a space before it, so that it can be appended to another
+    sentence. It is empty for the default hardware.
     """
     text = ""
     if hardware.robot != IDEAL.robot:
@@ -133,7 +137,7 @@ def describe_hardware(hardware: HardwareConfig) -> str:
 
 
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
-    """Convert the robot that a command-line option names to default hardware with this robot.
+    """Return default hardware with the robot that a user named in a command-line option.
 
     Args:
         robot: Value of the option: name of a built-in robot, or path of a file that describes a robot.
@@ -163,9 +167,9 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
         scenario: Scenario that the simulator must support; None for flat ground.
 
     Raises:
-        ValueError: A name is unknown (the message lists the valid names), or the robot cannot be loaded. Another reason
-            is an estimator that is named although the sensors are the true state. The last reason is a simulator that
-            does not support the scenario or the hardware.
+        ValueError: A name is unknown (the message lists the valid names). The robot cannot be loaded. An estimator is
+            named, although the policies observe the true state. The simulator does not support the scenario or the
+            hardware.
     """
     from quad_env.actuation.models import find_actuator
     from quad_env.physics.simulators import check_simulator

@@ -1,4 +1,5 @@
 """Commands of `python -m quad_env` that need policies.
 
-They show a live view, film and record episodes, connect the simulated robot to ROS, and check robots and policies.
+The commands show a live view, film and record episodes, connect the simulated robot to ROS, list the policies, and
+check robots and policies.
 """

@@ -25,7 +25,7 @@ FIGURE_WIDTH = 5.6
 PANEL_HEIGHT = 2.3
 """Height of a panel of the figure of a learning curve, inches."""
 LEGEND_LINE_HEIGHT = 0.2
-"""Height that the figure reserves for a line of its legend, inches."""
+"""Height that the figure of a learning curve reserves for each line of its legend, inches."""
 DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
 """Suffix of an image file -> name of the metadata field with its date.
 
@@ -46,7 +46,7 @@ def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
 
 
 def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
-    """Draw a figure and write it to an image file.
+    """Draw a Matplotlib figure and write it to an image file.
 
     Raises OSError if the file cannot be written; an existing file is then unchanged.
 
@@ -87,7 +87,8 @@ def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Se
     """Make the empty figure of a learning curve: a panel for success, and one for cost of transport if known.
 
     Args:
-        figures: Success rate (0 to 1) and cost of transport (dimensionless) of k validations, (2, k); NaN if unknown.
+        figures: Success rate (0 to 1, row 0) and cost of transport (dimensionless, row 1) of k validations, (2, k). A
+            number is NaN if it is unknown.
         title: Title of the figure.
         legend: Number of lines of the legend, for which space is left.
 

@@ -1,4 +1,4 @@
-"""Training run: makes robots, learner and callbacks, and starts or resumes the training."""
+"""Runs a PPO training: makes the robots, the learner and the callbacks, and starts or resumes the training."""
 
 import contextlib
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Folder of a training run: names of its files, and a lock against two processes in one folder."""
+"""Folder of a training run: defines the names of its files, and makes, checks and locks the folder.
+
+The lock prevents that two processes train in the same folder.
+"""
 
 import contextlib
 from collections.abc import Iterator
@@ -27,7 +30,7 @@ CHECKPOINTS = "checkpoints"
 BEST = "best"
 """Name of the folder of the policy bundle with the best validation result of the run."""
 LAST = "last"
-"""Name of the folder of the policy bundle that was saved last in the run."""
+"""Name of the folder of the policy bundle that was saved last in the run, with each checkpoint."""
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -36,7 +39,7 @@ def has_checkpoint(folder: Path) -> bool:
 
 
 def steps_done(folder: Path) -> int:
-    """Return the number of steps at the last checkpoint of a run folder; 0 if there is no checkpoint."""
+    """Return the number of learner steps (or labels) at the last checkpoint in a run folder; 0 if there is none."""
     return max((int(path.stem) for path in (folder / CHECKPOINTS).glob("*.json")), default=0)
 
 
@@ -82,7 +85,7 @@ def new_run_folder(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Convert an OSError that occurs within the context to a UsageError with a remedy for the run in `folder`."""
+    """Convert an OSError within the context to a UsageError that says how the run in `folder` can be continued."""
     try:
         yield
     except FolderInUseError:

@@ -13,16 +13,20 @@ CHECKS = (
     DoctorCheck("walks", "live.walking_checks:check_reference_policy", ("stands",)),
     DoctorCheck("policy", "live.walking_checks:check_policy", ("walks", "walking")),
 )
-"""Checks that run after the checks of `quad_env.doctor`.
+"""Checks of the command `doctor` in which a policy controls the robot; they run after the checks of `quad_env.doctor`.
 
-The first check is about walking with a reference policy. The second check runs only if the user names a policy.
+The first check tests if the robot walks with a reference policy. The second check tests a policy of the user, and runs
+only if the user names one.
 """
 DESCRIPTION_CHECKS = (
     DoctorCheck("description", "live.walking_checks:check_description", ("stands",)),
     DoctorCheck("standing", "live.walking_checks:check_standing", ("description",)),
     DoctorCheck("walking", "live.walking_checks:check_walking", ("standing",)),
 )
-"""Checks of a policy from another project; they run between the two checks of `CHECKS`."""
+"""Checks of a policy from another project: its description, standing, and walking.
+
+They run between the two checks of `CHECKS`.
+"""
 
 
 def main(options: DoctorOptions) -> int:
@@ -32,10 +36,10 @@ def main(options: DoctorOptions) -> int:
         options: Options of the command.
 
     Returns:
-        The exit code.
+        The exit code of the process.
 
     Raises:
-        UsageError: `--write` was given without `--policy`.
+        UsageError: `--write` was given and `--policy` was not.
     """
     if options.policy is None:
         if options.write is not None:
@@ -52,7 +56,8 @@ def main(options: DoctorOptions) -> int:
 def _write(policy: Path, trust: bool, file: Path) -> None:
     """Write the description of a policy from another project to a TOML file.
 
-    Fields that the policy's own files do not define are written as comments, for the user to complete.
+    The description defines the observations and actions of the policy. Fields that the policy's own files do not define
+    are written as comments, for the user to complete.
 
     Args:
         policy: File of the policy.

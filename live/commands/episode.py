@@ -1,4 +1,7 @@
-"""Options of commands that simulate an episode: `view`, `film`, `record` and `ros`."""
+"""Command-line options that the commands `view`, `film`, `record` and `ros` have in common.
+
+Each of these commands simulates an episode.
+"""
 
 from dataclasses import dataclass
 
@@ -10,7 +13,7 @@ from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
 
 Command = tuple[float, float, float]
-"""Velocity command of a robot: forward and left velocity, m/s, and yaw rate, rad/s."""
+"""Type of a velocity command: forward and left velocity in the heading frame, m/s, and yaw rate, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)

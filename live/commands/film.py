@@ -22,7 +22,7 @@ from quad_env.cli.progress import show_bar
 MAX_POLICIES = 9
 """Maximum number of policies that a film shows side by side."""
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
-"""Name of an option -> smallest and largest valid value."""
+"""Name of an option of the command `film` -> smallest and largest valid value, in the unit of the option."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def main(options: PoliciesOptions) -> int:
 
 
 def _lines(robot: Robot) -> Iterator[str]:
-    """Yield the lines of the printed list: controllers, then trained policies for the robot."""
+    """Yield the lines of the printed list of policies: controllers, then policies that were trained for `robot`."""
     width = 2 + max(map(len, policies.names()))
     yield "controllers, for any robot"
     of_extensions = [name for name in policies.names() if name not in MAKERS]
@@ -52,7 +52,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 
 
 def _training_lines(folder: Path) -> Iterator[str]:
-    """Yield a line about the training of the policy in `folder`, or about an error in its files."""
+    """Yield one line of text about the training of the policy in `folder`, or about an error in its files."""
     try:
         description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
         base = description.base["name"]

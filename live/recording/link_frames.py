@@ -1,7 +1,7 @@
-"""Coordinate frames of the robot's links, and the schema of a recording's rows.
+"""Computes the coordinate frames of the robot's links, and defines the columns of a recording.
 
-As in a URDF, the origin of a link's frame is at the joint that moves the link. A row has the numbers of one control
-step.
+As in a URDF, the origin of a link's frame is at the joint that moves the link. A recording has a row of numbers for
+each control step.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,10 @@ IMU_LINK = "imu_link"
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """Coordinate frame of a link, relative to the frame of its parent link."""
+    """Coordinate frame of a link, relative to the frame of its parent link.
+
+    For a link that a joint moves, the orientation depends on the joint angle, see `rotations`.
+    """
 
     name: str
     parent: str
@@ -29,7 +32,10 @@ class LinkFrame:
     translation: Floats
     """Origin of the link's frame, in the frame of the parent link, (3,), m."""
     rotation: Floats
-    """Orientation of the link at the joint angle `reference`, in the parent's frame, quaternion w x y z, (4,)."""
+    """Orientation of the link at the joint angle `reference`, in the frame of the parent link.
+
+    It is a quaternion w x y z, (4,). For a link that is fixed to its parent, it is always valid.
+    """
     joint: int | None = None
     """Index, 0 to 11, of the joint that moves the link; None for a link that is fixed to its parent."""
     axis: Floats | None = None
@@ -128,11 +134,11 @@ def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
     """Compute the orientations of moving links relative to their parent links, at given joint angles.
 
     Args:
-        links: Frames of links that joints move.
+        links: Frames of m links that joints move.
         angles: Angles of all joints, (12,), rad.
 
     Returns:
-        Orientation of each link in the frame of its parent link, quaternions w x y z, (links, 4).
+        Orientation of each link in the frame of its parent link, quaternions w x y z, (m, 4).
     """
     joint_rotations = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
@@ -147,10 +153,11 @@ class RecordingSchema:
     """
 
     widths: dict[str, int]
-    """Name of a reading -> number of columns of the reading in a row, in the order of the columns.
+    """Name of a reading -> number of columns of the reading in a row.
 
-    Besides readings of the environment there are `reward`, `correction` and `start`. `correction` is the correction of
-    a residual policy, and NaN for other policies. `start` is 1 in the first row of an episode or of the recording.
+    The dictionary has the order of the columns. Besides readings of the environment there are `reward`, `correction`
+    and `start`. `correction` is the correction of a residual policy, and NaN for other policies. `start` is 1 in the
+    first row of an episode or of the recording.
     """
     joints: tuple[str, ...]
     """Names of the joints, in the order of the joint readings."""

@@ -39,10 +39,10 @@ LATCHED_TOPICS = ("/robot_description", "/tf_static")
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
-"""Text of the event that is recorded when a push or a fall ends."""
+"""Text of the event that is recorded when a push or a fall ends: nothing special happens any more."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
-"""Covariance of nine zeros, with which `sensor_msgs/msg/Imu` marks an unknown covariance."""
+"""Covariance matrix of nine zeros, which means in the ROS message `Imu` that the covariance is unknown."""
 
 
 class Message(NamedTuple):
@@ -61,10 +61,12 @@ class Message(NamedTuple):
 
 
 class Messages:
-    """Converts the rows of a recording, in the order of time, to ROS 2 messages.
+    """Converter from the rows of a recording to ROS 2 messages.
+
+    A row has the numbers of one control step. The rows must be converted in the order of time.
 
     Args:
-        schema: Schema of the rows.
+        schema: Definition of the columns of a row.
     """
 
     def __init__(self, schema: RecordingSchema) -> None:
@@ -144,7 +146,10 @@ class Messages:
         return Message("/events", self._time, line)
 
     def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
-        """Yield topic and content of each message about the state of the robot at the end of a control step."""
+        """Yield the messages about the state of the robot at the end of a control step, as pairs of topic and content.
+
+        `readings` is a dictionary: name of a reading -> numbers.
+        """
         stamp = _stamp(self._time)
         yield "/clock", _T["rosgraph_msgs/msg/Clock"](clock=stamp)
         transforms = [_transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"])]
@@ -303,7 +308,8 @@ With these settings `ros2 bag play` keeps the message for subscribers that conne
 class McapFile:
     """Writer of an MCAP file with ROS 2 messages.
 
-    The file consists of chunks of messages. Complete chunks stay readable even if the writing process is killed.
+    An MCAP file consists of chunks, each with many messages. Complete chunks stay readable even if the writing process
+    is killed.
 
     Args:
         path: File to write; the file must not exist.

@@ -130,7 +130,7 @@ class McapRecorder:
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:
-        """Send a row, (columns,), to the writer process; the call waits while the pipe is full."""
+        """Send the numbers of a control step, (columns,), to the writer process; wait while the pipe is full."""
         assert self._rows is not None
         try:
             if not self._rows.closed:

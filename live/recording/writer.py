@@ -19,10 +19,10 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
     already sent are still written. Ctrl-C does not reach the process, because it starts with the signal SIGINT blocked.
 
     Args:
-        rows: Connection from which the process receives the rows, each about one control step.
+        rows: Connection from which the process receives the rows. A row is an array with the numbers of a control step.
         answer: Connection to which the process sends None at the end, or an OSError if the file could not be written.
         path: MCAP file to write.
-        schema: Schema of the rows.
+        schema: Definition of the columns of a row.
     """
     if hasattr(os, "nice"):
         os.nice(NICENESS)
