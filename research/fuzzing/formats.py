@@ -24,13 +24,13 @@ FORMATS: dict[str, tuple[Write, Read]] = {
     "urdf": (xml_writer(SIMPLE_QUAD.mjcf.with_suffix(".urdf"), "robot.urdf"), readers.read_robot),
     "terrain": (writers.write_terrain, readers.read_terrain),
 }
-"""Name of a file format -> (function that writes a mutated file, function that reads and checks the file).
+"""Name of a file format -> (function that writes a mutated file, function that reads the file).
 
-A mutated file is a valid file with random changes.
+A mutated file is a valid file with random changes. The second function also checks that the content is plausible.
 """
 OWN_ERRORS = (PolicyError, ValueError, OSError)
 """Exceptions with which a reader of the project may refuse a faulty file.
 
-The fuzz test reports any other exception as a finding. `ModelError` is included, because it is a subclass of
-ValueError.
+The fuzz test reports any other exception as a fault of the reader. `ModelError` is included, because it is a subclass
+of ValueError.
 """

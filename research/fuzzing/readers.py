@@ -29,7 +29,7 @@ The function raises one of `formats.OWN_ERRORS` if the file is faulty, and Absur
 is implausible.
 """
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Size of the observation history, in numbers, from which on `read_spec` creates no observation adapter.
+"""Smallest size of the observation history for which `read_spec` creates no observation adapter.
 
 The adapter converts observations of this project to observations of the policy. The size is the number of values in an
 observation, multiplied by the longest history of an observation term, in control steps of the policy.

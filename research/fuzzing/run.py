@@ -42,7 +42,7 @@ The time in which the process waits for a processor does not count. A case that 
 MAX_MEMORY = 2**30
 """Maximum additional memory for the reading of one mutated file, bytes; more memory is a finding."""
 PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
-"""Names of the project's packages; an exception that is raised in one of them is not from a library."""
+"""Names of the project's packages; an exception that their code raises does not come from a library."""
 MAX_LINE = 3000
 """Maximum length of an error message, characters; a longer message is a finding."""
 POLL_PERIOD = 0.2

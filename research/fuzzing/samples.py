@@ -139,7 +139,7 @@ MJLAB = {
     "observation_terms_history_length": ",".join(["1"] * 7),
     "action_scale": ",".join(["0.250"] * 12),
 }
-"""Valid metadata of an ONNX file, as the exporter of the training framework mjlab writes them: name -> text."""
+"""Valid metadata of an ONNX file, as the training framework mjlab writes them: name -> text."""
 TOML = {
     "network": "exported/policy.onnx",
     "control_rate": 50,

@@ -22,14 +22,20 @@ from research.fuzzing.mutations import mutate_bytes, mutate_tree, mutate_xml
 
 Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
-"""Type of a function that takes an empty folder and a random generator, writes a mutated file and returns its path."""
+"""Type of a function that writes a mutated file (valid file with random changes).
+
+It takes an empty folder and a random generator, and returns the path of the file.
+"""
 BYTES_SHARE = 0.2
 """Probability that a writer changes random bytes of the file.
 
 Most writers otherwise change values of the content. The writers of ONNX files always change values as well.
 """
 METADATA_BYTES_SHARE = 0.5
-"""Probability that random bytes of one metadata text are changed in an ONNX file with mjlab's metadata."""
+"""Probability that random bytes of one metadata text are changed in an ONNX file.
+
+The metadata are as of the training framework mjlab.
+"""
 ARRAY_SHARE = 0.4
 """Probability that random bytes are changed in the header of a terrain's file with heights (.npy)."""
 MAX_METADATA = 5000
@@ -37,7 +43,7 @@ MAX_METADATA = 5000
 _NPY_HEADER = 128
 """Size of the header of a NumPy file (.npy), bytes."""
 _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "NoSuch", "Reshape", "Tile", "Exp")
-"""Names of ONNX operators that replace the operator of a network node; `NoSuch` does not exist in ONNX."""
+"""Names of ONNX operators that replace the operator of a network node; `NoSuch` does not exist."""
 
 
 def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx") -> Write:

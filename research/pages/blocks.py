@@ -10,11 +10,16 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 
 RESULTS = "results"
-"""Name of the generated block with the main results of a page."""
+"""Name of the part of a Markdown page into which a command writes the main results.
+
+The part (generated block) is between the lines `<!-- results -->` and `<!-- /results -->`.
+"""
 
 
 def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
     """Replace the lines of a generated block in the text of a Markdown page.
+
+    A generated block consists of the lines between `<!-- MARKER -->` and `<!-- /MARKER -->`.
 
     Args:
         text: Text of the page.
@@ -39,6 +44,8 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
 def read_page(page: Path, *places: str) -> str:
     """Read a Markdown page, and check that it has the generated blocks of the given names.
 
+    A generated block consists of the lines between `<!-- NAME -->` and `<!-- /NAME -->`.
+
     Args:
         page: File of the page.
         *places: Names of the blocks that the page must have.
@@ -60,6 +67,8 @@ def read_page(page: Path, *places: str) -> str:
 
 def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
     """Replace the lines of a generated block in the file of a Markdown page.
+
+    A generated block consists of the lines between `<!-- MARKER -->` and `<!-- /MARKER -->`.
 
     Args:
         page: File of the page; None to do nothing.

@@ -90,6 +90,8 @@ def read_results(path: Path) -> dict[str, Any]:
 def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
     """Return the scores of all policies in an evaluation, the highest first.
 
+    The score of a policy is its mean success over the disturbance axes (kinds of disturbance).
+
     Args:
         results: Content of results.json.
         kind: Key of the scores in results.json, one of KINDS.
@@ -258,6 +260,9 @@ def score_table(
     hardware_scores: Sequence[Score] = (),
 ) -> list[str]:
     """Create the Markdown table of the scores, and of their differences from a baseline policy.
+
+    The score of a policy is its mean success over the disturbance axes (kinds of disturbance). The hardware profile
+    consists of models of the real robot's motors, delays and sensors.
 
     Args:
         scores: Scores of the scenarios without the robot's hardware profile, one per policy.

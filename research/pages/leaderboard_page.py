@@ -23,7 +23,10 @@ from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
-"""Names of the metrics for which the page shows the difference of each policy from the reference policy."""
+"""Names of the metrics for which the page compares each policy with the reference policy.
+
+The page shows the metric of the policy minus the metric of the reference policy.
+"""
 COST = "cost_of_transport"
 """Name of the effort measure 'cost of transport' in the results of an evaluation."""
 
@@ -140,7 +143,7 @@ def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Itera
 def _difference(comparison: Comparison | None) -> str:
     """Format the difference of a policy from the reference policy, with its 95 % interval.
 
-    A difference of the success rate is followed by the result of the test.
+    A difference of the success rate is followed by the result of the significance test.
 
     Args:
         comparison: Comparison of the policy with the reference policy; None for the reference policy itself.

@@ -16,7 +16,10 @@ from research.pages import evaluations
 from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the README's generated block that contains the table of scores on other robots."""
+"""Name of the part of the README into which this command writes the table of scores on other robots.
+
+The part is between the lines `<!-- robots -->` and `<!-- /robots -->`.
+"""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,10 @@ from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 
 PLACE = "simulators"
-"""Name of the page's generated block that contains the comparison of the simulators."""
+"""Name of the part of a Markdown page into which this command writes the comparison of the simulators.
+
+The part is between the lines `<!-- simulators -->` and `<!-- /simulators -->`.
+"""
 ERROR = "mean_velocity_error"
 """Name of the metric that is compared between the simulators: the mean velocity error, m/s."""
 
@@ -96,9 +99,9 @@ def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
 
 
 def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
-    """Return two columns for the quantity `name`: `name_a` -> value in evaluation A, `name_b` -> value in B.
+    """Return two columns for the quantity `name` in the evaluations A and B.
 
-    `figures` are the two values.
+    The columns are `name_a` -> value in A, and `name_b` -> value in B; `figures` are the two values.
     """
     return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 

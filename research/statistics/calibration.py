@@ -26,7 +26,10 @@ LIMITS = {
 }
 """Name of an option -> smallest and largest valid value."""
 PLACE = "settled"
-"""Name of the page's generated block that contains the table of evaluations with `--until settled`."""
+"""Name of the part of a Markdown page into which this command writes the table of `--until settled`.
+
+The part is between the lines `<!-- settled -->` and `<!-- /settled -->`.
+"""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,11 @@ def main(options: CalibrationOptions) -> int:
 
 
 def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
-    """Run the checks in `rows`, and print the rate of each check as soon as it is known."""
+    """Run the checks in `rows`, and print the result of each check as soon as it is known.
+
+    The result is the fraction of the data sets on which the interval contains the true value, or the test is
+    significant.
+    """
     standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     head = "interval holds the truth, or test claims a difference"

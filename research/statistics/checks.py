@@ -23,7 +23,10 @@ from evaluate.statistics.significance import mcnemar, sign_flip_test
 from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, make_episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
-"""Lower and upper bound of the coverage: the fraction of the 95 % intervals that contain the true value."""
+"""Lower and upper bound of the coverage of 95 % intervals.
+
+The coverage is the fraction of the intervals that contain the true value.
+"""
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
 """Lower and upper bound of the type I error rate of tests at the 5 % level.
 
@@ -35,7 +38,7 @@ DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 The lower bound is 0, because the p-value of counts has only few possible values. If none of them is close to 5 %, fewer
 than 5 % of the tests are significant."""
 FALL_RATIO = 0.8
-"""Fall probability of the second policy of a pair, divided by the fall probability of the first policy."""
+"""Fall probability of the second policy of a pair, divided by the first policy's."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
 """Lower and upper bound of the coverage of 95 % intervals that may be wider than necessary.
 
@@ -70,11 +73,10 @@ the episodes fall. On each axis, the fall probability is a logistic curve, or a 
 """
 
 CheckFunction = Callable[[np.random.Generator], bool]
-"""Type of a function that draws a data set with a random generator, and tries one interval or test on it.
+"""Type of a function that draws a data set with a random generator, and computes an interval or test.
 
 The result is True (positive) if the interval contains the true value, or if the test is significant.
 """
-"""Function that draws one data set with a random generator, and returns True if the result is positive."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,11 @@ class CalibrationCheck:
     count: int
     """Number of episodes in one data set of the check."""
     fall_probability: float
-    """Fall probability of the first policy; NaN in a check of breaking points, which has several severities."""
+    """Fall probability of the first policy in the data sets.
+
+    It is NaN in a check of breaking points, because that check has several severities of a disturbance."""
     outcome: CheckFunction
-    """Function that takes a random generator, draws one data set, and returns True if the result is positive.
+    """Function that draws one data set with a random generator, and returns True for a positive result.
 
     The result is positive if the interval contains the true value, or if the test is significant."""
     bounds: Interval
@@ -99,6 +103,8 @@ class CalibrationCheck:
 
 def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
     """Yield the checks of the coverage of confidence intervals.
+
+    The coverage is the fraction of the intervals that contain the true value.
 
     Args:
         count: Number of episodes in a data set.
@@ -118,7 +124,11 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Calibration
 
 
 def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
-    """Yield the checks of the coverage of breaking-point intervals, with `count` episodes per severity."""
+    """Yield the checks of the intervals of breaking points, with `count` episodes per severity.
+
+    A breaking point is the severity of a disturbance at which half of the episodes fall. Each check is about one
+    synthetic disturbance axis. It counts the intervals that contain the true breaking point.
+    """
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
         yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, MIN_COVERAGE_BOUNDS, np.nan)
@@ -126,6 +136,8 @@ def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
     """Yield the checks of the type I error rate of tests, on pairs of policies that do not differ.
+
+    The type I error rate is the fraction of the tests that find a difference although there is none.
 
     Args:
         count: Number of episodes of each policy in a data set.
@@ -251,7 +263,7 @@ def _mcnemar_p_value(only_a: int, discordant: int) -> float:
 
 
 def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[CalibrationCheck]:
-    """Yield all checks for each combination of a number of episodes and a fall probability.
+    """Yield all checks of intervals and tests, for each number of episodes and each fall probability.
 
     Args:
         counts: Numbers of episodes in a data set.

@@ -1,4 +1,4 @@
-"""Simulation of evaluations with `--until settled`, to measure their error rate and number of episodes.
+"""Simulation of evaluations with `--until settled`: error rate, and number of episodes that they need.
 
 With this option, an evaluation ranks the policies by score and adds episodes step by step. A sequential test compares
 each policy with the next one in the ranking. The evaluation stops if each pair has a significant difference, or is
@@ -23,7 +23,7 @@ from research.pages import markdown
 MAX_EPISODES = 96
 """Maximum number of episodes of a simulated evaluation."""
 VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
-"""Source of the variance of an episode's outcome -> fraction of the variance; the fractions add up to 1.
+"""Source of the variance of an episode's outcome -> fraction of the variance; the sum is 1.
 
 A part of the randomness is common to all policies and scenarios of an episode (`episode`). Other parts are common to
 all policies on one scenario (`scenario`), or to all scenarios of one policy (`policy`). The rest is independent
@@ -35,7 +35,10 @@ The success rates of this policy on the other scenarios are evenly spaced down t
 HARDEST_SUCCESS = 0.05
 """True success rate of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of evaluations of fixed size, with which evaluations `--until settled` are compared."""
+"""Numbers of episodes of the evaluations of fixed size.
+
+Evaluations with `--until settled` are compared with them. An evaluation of fixed size has a number of episodes that is chosen beforehand. It compares the policies only once.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Battery:
     """
 
     points: tuple[float, ...]
-    """True score (mean success rate) of each policy minus the score of the worst policy, percentage points."""
+    """True score (mean success rate) of each policy minus score of the worst policy, percentage points."""
     scenarios: int
     """Number of scenarios on which all policies are evaluated."""
 
@@ -114,9 +117,9 @@ class SequentialRunResult:
     has_found_all: bool
     """True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
     fixed: tuple[bool, ...]
-    """Results of evaluations of fixed size on the same outcomes, one for each number of episodes in FIXED_PLANS.
+    """Results of evaluations of fixed size on the same outcomes of episodes.
 
-    A result is True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
+    There is one result for each number of episodes in FIXED_PLANS. A result is True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
@@ -153,7 +156,8 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
     """Return True if an evaluation of fixed size finds all true differences between adjacent policies.
 
-    Two policies are adjacent if they are neighbours in the ranking by measured score.
+    An evaluation of fixed size has a number of episodes that is chosen beforehand. Two policies are adjacent if they
+    are neighbours in the ranking by measured score.
 
     Args:
         battery: Scenarios and synthetic policies.

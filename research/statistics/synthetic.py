@@ -97,9 +97,9 @@ class FallCurve:
 
 @dataclass(frozen=True)
 class SyntheticAxis:
-    """Synthetic disturbance axis: a kind of disturbance with several severities and known fall probability.
+    """Synthetic disturbance axis: a kind of disturbance with several severities.
 
-    The fall probability is a sum of logistic curves of the severity.
+    The fall probability of an episode is known. It is a sum of logistic curves of the severity.
     """
 
     severities: tuple[float, ...]

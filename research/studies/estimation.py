@@ -56,7 +56,10 @@ FORWARD = (0.5, 1.0)
 YAW_RATE = (-1.2, 1.2)
 """Range from which the yaw rate command of the undisturbed walks is drawn, rad/s."""
 PUSHES = "pushes"
-"""Name of the page's generated block that contains the errors after pushes."""
+"""Name of the part of a Markdown page into which this command writes the errors after pushes.
+
+The part is between the lines `<!-- pushes -->` and `<!-- /pushes -->`.
+"""
 ROBOTS = ("simple_quad", "go1", "go2")
 """Names of the robots for which the errors after pushes are measured."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
@@ -100,13 +103,19 @@ class EstimationErrors(NamedTuple):
     """
 
     tilt: Floats
-    """Error of estimated roll and pitch at the time of the sensor readings, (steps, n, 2), rad."""
+    """Error of estimated roll and pitch at the time of the sensor readings, (steps, episodes, 2), rad."""
     velocity: Floats
-    """Error of the estimated trunk velocity at the time of the sensor readings, base frame, (steps, n, 3), m/s."""
+    """Error of the trunk velocity estimated for the time of the sensor readings.
+
+    Base frame, (steps, episodes, 3), m/s."""
     observed_velocity: Floats
-    """Error of the trunk velocity in the observation at the time of the action, base frame, (steps, n, 3), m/s."""
+    """Error of the trunk velocity in the observation, compared with the true one at the time of the action.
+
+    Base frame, (steps, episodes, 3), m/s."""
     nees: Floats
-    """Normalised estimation error squared, (steps, n), dimensionless; NaN if the estimator has no covariance."""
+    """Normalised estimation error squared eᵀ P⁻¹ e, (steps, episodes), dimensionless.
+
+    It measures if the estimator's covariance P fits the errors e. It is NaN if the estimator has no covariance."""
 
 
 def main(options: EstimationOptions) -> int:
@@ -381,7 +390,7 @@ def normalized_error_squared(
         gravity: Estimated direction of gravity, base frame, unit vectors, (n, 3).
         rotation_error: Rotation vector from the estimated to the true gravity, base frame, (n, 3), rad.
         velocity_error: True minus estimated velocity, base frame, (n, 3), m/s.
-        covariance: Covariance of the error state of the Kalman filter, (n, k, k).
+        covariance: Covariance of the error state of the Kalman filter, (n, k, k); k is the size of the error state.
 
     Returns:
         NEES of n robots, (n,), dimensionless.

@@ -83,7 +83,9 @@ class FailureCase:
     hardware: HardwareConfig = IDEAL
     """Models of motors, sensors and estimator; by default ideal motors and sensors."""
     chosen: tuple[int, ...] = tuple(range(6))
-    """Indices into the first 96 validation seeds, 0 … 95; the episodes with these six seeds fail for the cause."""
+    """Indices of the six episode seeds among the first 96 validation seeds, 0 … 95.
+
+    The episodes with these seeds fail for the cause."""
 
     def run(self, after_falls: bool = False) -> Episodes:
         """Simulate and record the six episodes; if `after_falls` is True, an episode continues after a fall."""
@@ -167,7 +169,10 @@ WEAK_MOTORS = Motors(10.0)
 LONG_LATENCY = Latency(0.08, 0.08)
 """Delays of 0.08 s for the actions and 0.08 s for the observations."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
-"""Four dropouts of 0.95 s each, from 0.1 to 4 s; in a dropout, one joint servo receives no new targets."""
+"""Four dropouts of 0.95 s each, in the time from 0.1 to 4 s.
+
+In a dropout, one joint servo receives no new targets, and holds its last target.
+"""
 STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
 """Scenario in which the robot walks at 0.8 m/s towards stairs with a step height of 0.15 m."""
 LYING = _make_scenario(start=AnyPose())

@@ -50,7 +50,10 @@ from research.pages.markdown import table
 from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
-"""Control steps, counted from 0, after which frames are rendered; the gait diagram shows the same time."""
+"""Control steps of 10 ms, counted from 0, after which frames of a walk are rendered.
+
+The gait diagram shows the same time.
+"""
 FRAME_STRIDE = 3
 """Number of rendered frames from one frame of the film to the next; the frames between are left out."""
 FRAMES = 8
@@ -96,7 +99,7 @@ class GaitsOptions:
     """Options of the command `gaits`, which draws steady walks of controllers for pages."""
 
     pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Markdown files with generated blocks for gaits; by default all pages in docs and models."""
+    """Markdown files with lines `<!-- gaits ROBOT POLICY… -->`; by default all pages in docs and models."""
     out: Path = Path("docs/gaits")
     """Folder for the pictures; the README's film walking.webp is written next to this folder."""
 
@@ -113,7 +116,7 @@ def main(options: GaitsOptions) -> int:
         Exit code of the process.
 
     Raises:
-        UsageError: No page has a block for gaits.
+        UsageError: No page has a line `<!-- gaits ROBOT POLICY… -->`.
     """
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
@@ -310,7 +313,9 @@ def draw_gait_diagram(
 def _filled(
     walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, block: re.Match[str]
 ) -> str:
-    """Return the new text of a generated block for gaits, with tables of measures and of pictures.
+    """Return the new text between `<!-- gaits` and `<!-- /gaits -->` in a page, with two tables.
+
+    The first table has the measures of the walks; the second table has their films and pictures.
 
     Args:
         walks: Names of robot and policy -> specification of the walk.

@@ -1,8 +1,8 @@
-"""Recovery from falls: `python -m research recovery` counts the robots that stand up from a random pose.
+"""Recovery from falls: `python -m research recovery` counts robots that stand up from a random pose.
 
 Each robot starts with a random orientation, random joint angles within the joint limits, and random velocities. Its
-lowest point touches flat ground (`quad_env.AnyPose`). A robot counts if it stands within 5 s, and then stands until the
-end of the episode at 6 s. The time to stand is the time at which this begins (`is_standing`).
+lowest point touches flat ground (`quad_env.AnyPose`). A robot counts if it stands up within 5 s, and then stands until
+the end of the episode at 6 s. The time to stand is the time at which the robot begins to stand, by `is_standing`.
 """
 
 from dataclasses import dataclass, replace
@@ -45,7 +45,9 @@ class RecoveryResult:
     """Result of the recoveries of n robots, made by `run_recovery`."""
 
     standing_since: Floats
-    """Time at which each robot begins to stand until the end, (n,), s; infinite if it does not stand at the end."""
+    """Time since which each robot has been standing at the end of the episode, (n,), s.
+
+    The time is infinite if the robot does not stand at the end."""
     peak_torque: float
     """Largest absolute joint torque over all robots, joints and control steps, N·m."""
     diverged: int

@@ -39,7 +39,7 @@ SPEEDS = (1.0, 4.6)
 A push of 65 N·s changes the speed of SimpleQuad by the second value.
 """
 BRIEF = 0.05
-"""Time after the start of sliding over which the initial deceleration is averaged, s."""
+"""Time from the start of sliding over which the initial deceleration is averaged, s."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ SETTINGS = {
     "push over 0.3 s": ContactSetting(push=0.3),
     "push over 0.5 s": ContactSetting(push=0.5),
 }
-"""Compared contact settings: name of the setting -> changes of the project's default contact parameters.
+"""Compared contact settings: name of the setting -> changes of the default contact parameters.
 
 The setting `today` changes nothing.
 """
@@ -110,9 +110,9 @@ class SlidingOptions:
     scenarios: tuple[str, ...] = ("flat", "push=65")
     """Names of the scenarios on which the policy walks."""
     episodes: int = 24
-    """Number of search episodes of 10 s on each scenario."""
+    """Number of episodes of 10 s on each scenario; their seeds have the purpose "search"."""
     seed: int = 38
-    """Seed of the search episodes, >= 0."""
+    """Seed from which the seeds of the episodes are drawn, >= 0."""
     table: Path = Path("docs/results/sliding.csv")
     """CSV file for the results."""
 

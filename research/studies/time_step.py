@@ -27,7 +27,10 @@ from quad_env.robots.robot import Robot
 from research.pages.csv_text import to_csv
 
 STEPS = 0.002, 0.001, 0.0005
-"""Compared physics time steps, s; the first is the default, which all other results of the project use."""
+"""Compared physics time steps, s.
+
+The first is the default time step, with which all other results of the project are computed.
+"""
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
 """Names of the effort and error measures that are averaged over the episodes.
 

@@ -21,7 +21,10 @@ from train.config import POSES, TrainConfig
 from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics for which the results table shows the value of the baseline and the value of the trained policy."""
+"""Names of the metrics for which the results table of the model card shows two values.
+
+The first is the value of the baseline policy, the second is the value of the trained policy.
+"""
 
 
 @dataclass(frozen=True)

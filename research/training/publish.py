@@ -38,7 +38,7 @@ from train.run_record import differences, from_dict, load_config
 CARD = "MODEL.md"
 """File name of the model card, the description of a trained policy."""
 SHIPPED_SEED = 0
-"""Training seed of the run with the policy that is shipped.
+"""Training seed of the run with the policy that is shipped (included in the project).
 
 The seed was fixed before the training, because the results of the best of several seeds would be biased upwards."""
 
@@ -47,9 +47,10 @@ SCENARIOS = (
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
     *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
 )
-"""Default scenarios of the evaluation: every disturbance axis near the severity at which robots begin to fail.
+"""Default scenarios of the evaluation; they contain each disturbance axis (kind of disturbance).
 
-Some axes are also evaluated at their nominal severity, and four scenarios on the robot's hardware profile."""
+Each axis is evaluated near the severity at which robots begin to fail, and some axes also at their nominal severity.
+Four scenarios have the robot's hardware profile, which consists of models of its real motors, delays and sensors."""
 
 
 @dataclass(frozen=True)
@@ -184,13 +185,14 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Training settings of older shipped policies that this version does not have: group -> name -> allowed value.
+"""Training settings in the files of older shipped policies that this version does not have.
 
-A setting with the allowed value is ignored. None allows every value."""
+The keys are the group of the setting (empty for settings without a group) and the name of the setting. The value is the
+allowed value: a setting with this value is ignored. None allows every value."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Training settings that older versions did not have: name -> value with which the training is as in older versions.
+"""Training settings that older versions did not have: name -> value for policies of older versions.
 
-A setting is not listed here if this value is its default."""
+With this value, the training is the same as in older versions. A setting is not listed if this value is its default."""
 
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -260,7 +262,7 @@ def _load_shipped(folder: Path) -> TrainedRun:
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
-    """Select the training run with the policy that is shipped: the run with the seed SHIPPED_SEED.
+    """Select the run with the policy that is shipped (included in the project): the seed SHIPPED_SEED.
 
     Args:
         runs: Finished training runs.

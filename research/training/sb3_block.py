@@ -31,7 +31,10 @@ from research.pages import markdown
 from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the page's generated block that contains the results of the trained models."""
+"""Name of the part of the README into which this command writes the results of the trained models.
+
+The part is between the lines `<!-- sb3 -->` and `<!-- /sb3 -->`.
+"""
 SEED_LINE = "seed = 0\n"
 """Line of the README's code block that sets the training seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")

@@ -42,11 +42,12 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Default scenarios of the search for SimpleQuad; for other robots, their severities are scaled to the size.
+"""Default scenarios of the search for the robot SimpleQuad.
 
+For other robots, the severities are scaled to the size of the robot.
 The severities range from mild ones, at which a trot succeeds, to hard ones, at which a trot rarely succeeds."""
 SIGNIFICANT = 0.05
-"""Significance level: new parameters are adopted only if the p-value of the comparison is at most this value."""
+"""Significance level: new parameters are adopted only if the p-value of the test is not larger."""
 ADOPTED = "The outcome is adopted."
 """Sentence in the report of a search if the new parameters replace the present parameters."""
 KEPT = "Those in force are kept: the outcome is not better."
