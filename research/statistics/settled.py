@@ -37,7 +37,8 @@ HARDEST_SUCCESS = 0.05
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
 """Numbers of episodes of the evaluations of fixed size.
 
-Evaluations with `--until settled` are compared with them. An evaluation of fixed size has a number of episodes that is chosen beforehand. It compares the policies only once.
+Evaluations with `--until settled` are compared with them. An evaluation of fixed size has a number of episodes that is
+chosen beforehand. It compares the policies only once.
 """
 
 
@@ -119,7 +120,8 @@ class SequentialRunResult:
     fixed: tuple[bool, ...]
     """Results of evaluations of fixed size on the same outcomes of episodes.
 
-    There is one result for each number of episodes in FIXED_PLANS. A result is True if the evaluation finds all true differences between policies that are adjacent in the ranking."""
+    There is one result for each number of episodes in FIXED_PLANS. A result is True if the evaluation finds all true
+    differences between policies that are adjacent in the ranking."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
