@@ -26,8 +26,8 @@ def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        The measured values of all five benchmarks, their requirement checks, and the names of the requirements that
-        only other commands check.
+        The measured values of all five benchmarks, and the checks if they meet their requirements. The result also has
+        the names of the requirements that only other benchmark commands check.
     """
     quick = options.quick
     scenario, envs = vector_env.REFERENCE

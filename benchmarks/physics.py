@@ -51,7 +51,7 @@ def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations, speed ratios and accuracies of the settings, with the check of the requirement `physics`.
+        Durations, speed ratios and accuracies of the settings. It also has the check of the requirement `physics`.
 
     Raises:
         UsageError: A setting is unknown.
@@ -82,7 +82,10 @@ def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
 
 
 def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> dict[str, Accuracy]:
-    """Return a dictionary: name of a physics setting -> accuracy of the setting over the given strides."""
+    """Measure the accuracy of each physics setting in `names` over the recorded `strides` of the trot.
+
+    Returns a dictionary: name of a physics setting -> accuracy of the setting.
+    """
     accuracies: dict[str, Accuracy] = {}
     with progress_bar("physics, accuracy", len(names)) as advance:
         for name in names:
@@ -138,7 +141,8 @@ def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options
         options: Options of the command.
 
     Returns:
-        The table: duration of a physics step, µs, speed relative to ORIGINAL_SETTINGS, and `yes` if accurate.
+        The table. Its columns are the duration of a physics step, µs, the speed relative to ORIGINAL_SETTINGS, and
+        `yes` if the setting is accurate.
     """
     rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
@@ -155,7 +159,7 @@ def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options
 
 
 def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
-    """Create the table of accuracies, with one row per physics setting and a last row with the limits."""
+    """Create the table of accuracies, with one row per physics setting and a last row with the accuracy limits."""
     rows = make_table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
     for name, accuracy in accuracies.items():
         rows.add_row(name, *(f"{getattr(accuracy, figure):.3g}" for figure in ACCURACY_BARS), _mark(accuracy))
@@ -164,7 +168,7 @@ def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
 
 
 def _mark(accuracy: Accuracy) -> str:
-    """Return `yes` if an accuracy is within all limits of ACCURACY_BARS, otherwise `no`."""
+    """Return the table entry `yes` if an accuracy is within all limits of ACCURACY_BARS, otherwise `no`."""
     return "yes" if accuracy.is_within_bars else "no"
 
 

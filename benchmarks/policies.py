@@ -23,14 +23,14 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 PERCENTILE = 99.9
-"""Percentile of the durations of single calls to which a time limit applies, %."""
+"""Percentile of the durations of single calls that must be within the time limit, %."""
 JOINT_LOOP = "one mj_step of 2 ms"
-"""Name under which the tables list a physics step.
+"""Name of a physics step in the printed tables.
 
-Its duration is compared with the period of a robot's joint control loop, 2 ms.
+The duration of a physics step is compared with the period of the joint control loop of a robot, 2 ms.
 """
 Clock = Callable[[], float]
-"""Function that returns the present wall time or processor time of a clock, s."""
+"""Type of a clock: function without arguments that returns the present wall time or processor time, s."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations and percentiles of all policies, with the checks of the requirements `control step` and `joint step`.
+        Mean durations and percentiles of the durations for all policies. The result also has the checks of the
+        requirements `control step` and `joint step`.
     """
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
@@ -86,7 +87,7 @@ def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesBen
         options: Options of the command.
 
     Returns:
-        The table: a column for each number of robots, in µs per robot.
+        The table, which has a column for each number of robots, in µs per robot.
     """
     rows = make_table("µs a robot and control step", "policy", *(f"n = {num_envs}" for num_envs in options.envs))
     for name in options.policies:
@@ -103,7 +104,7 @@ def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mappin
         processor_times: Name of the called function -> processor time of each call, (calls,), s.
 
     Returns:
-        The table: a row for each called function, in ms.
+        The table, which has a row for each called function and a column for each percentile, in ms.
     """
     shares = (50.0, 99.0, PERCENTILE)
     heads = [f"{share:g} %{clock}" for clock in ("", ", processor time") for share in shares]
@@ -149,7 +150,7 @@ def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str,
 
 
 def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[str, Floats]:
-    """Time single calls for one robot: an action of each policy, a whole control step, a physics step.
+    """Time single calls for one robot: an action of each policy, a control step of the trot, and a physics step.
 
     Args:
         options: Options of the command.

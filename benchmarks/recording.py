@@ -27,7 +27,7 @@ from quad_env.cli.launcher import launch
 FILES = {"MCAP": "walk.mcap"}
 """Name of a file format -> file name of a recording in this format."""
 CLOCKS = ("wall", "processor", "until closed")
-"""Names of the three durations of an episode.
+"""Names of the three durations that are measured for an episode.
 
 `wall` is the wall time of the simulation. `processor` is the processor time of the process that simulates. `until
 closed` is the wall time until the recording is complete and its file is closed.
@@ -53,7 +53,7 @@ def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations of all episodes, with the check of the requirement `recording`.
+        Durations of all episodes. It also has the check of the requirement `recording`.
     """
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)

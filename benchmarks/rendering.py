@@ -36,7 +36,8 @@ def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Frame rates, 1/s of processor time, with the check of the requirement `rendering`.
+        Frame rates, as frames per second of processor time. The result also has the check of the requirement
+        `rendering`.
     """
     if options.quick:
         options = replace(options, rounds=1, frames=1)

@@ -29,13 +29,14 @@ class SingleEnvBenchmarkOptions(MeasurementOptions):
 def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
     """Compare the speed of the single environment with the speed of a loop that only calls `mj_step`.
 
-    Both start from the same state and apply the same actions.
+    The environment and the loop start from the same state and apply the same actions.
 
     Args:
         options: Options of the command.
 
     Returns:
-        Durations, speed ratio and overhead, with the check of the requirement `single_env`.
+        Durations of a control step, ratio of the speeds, and overhead of the environment. The result also has the check
+        of the requirement `single_env`.
     """
     if options.quick:
         options = replace(options, rounds=1, steps=20)
@@ -56,13 +57,14 @@ def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
 
 
 def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
-    """Time a control step of the environment and of the loop of `mj_step`; both take turns in every round.
+    """Time a control step of the environment and of the loop of `mj_step`, which take turns in every round.
 
     Args:
         options: Options of the command.
 
     Returns:
-        `gym.make` for the environment, or `bare mj_step loop` -> duration of a control step, (rounds,), s.
+        Dictionary with two keys: `gym.make` for the environment, and `bare mj_step loop`. The value is the mean
+        duration of a control step in each round, (rounds,), s.
     """
     actions = bare.record_actions(options.steps, robot=options.robot)
     loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))

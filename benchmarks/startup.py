@@ -20,11 +20,13 @@ FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
 IMPORT_QUAD_ENV = "import quad_env, gymnasium"
 """Python statement that imports this package and Gymnasium; its duration is measured."""
 IMPORT_GYMNASIUM = "import gymnasium"
-"""Python statement that imports Gymnasium; the duration of IMPORT_QUAD_ENV is compared with its duration."""
+"""Python statement that imports Gymnasium.
+
+The duration of IMPORT_QUAD_ENV is compared with the duration of this statement."""
 MAKE = "gym.make after it"
-"""Table name for the duration of the first call of `gym.make`, which follows the imports."""
+"""Name in the printed table for the duration of the first call of `gym.make`, which follows the imports."""
 HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
-"""Shell commands that print a help text; each is timed from its start to its exit."""
+"""Shell commands that print a help text; each command is timed from its start to its exit."""
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
 """Template of a Python program that runs the statement `code` and prints the duration of the statement, s."""
 _CODE = {
@@ -52,8 +54,8 @@ def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations, and the ratio of IMPORT_QUAD_ENV to IMPORT_GYMNASIUM, with the checks of the requirements `import`,
-        `loaded` and `help`.
+        Durations, and the ratio of the durations of IMPORT_QUAD_ENV and IMPORT_GYMNASIUM. The result also has the
+        checks of the requirements `import`, `loaded` and `help`.
     """
     if options.quick:
         options = replace(options, rounds=1)

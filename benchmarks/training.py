@@ -48,8 +48,8 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Speeds in control steps per second, with the check of the requirement `training` if it is defined for the
-        options.
+        Speeds in control steps per second, summed over all robots. The result also has the check of the requirement
+        `training` if the options equal the options for which it is defined.
     """
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
@@ -95,15 +95,18 @@ def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Ta
 
 
 def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Time the parts of each rollout and of its network update, after a first rollout that is not timed.
+    """Train for several rollouts, and time the parts of each rollout and of the network update that follows it.
+
+    A first rollout is not timed.
 
     Args:
         config: Training configuration.
         rounds: Number of timed rollouts.
 
     Returns:
-        Name of a part -> duration in each rollout, (rounds,), s. The parts add up to the whole duration: `physics`,
-        MuJoCo; `robots without it`, environment except MuJoCo; `network in the rollout`; `update` of the network.
+        Name of a part -> duration of the part in each rollout, (rounds,), s. The parts add up to the whole duration.
+        `physics` is MuJoCo, and `robots without it` is the environment except MuJoCo. `network in the rollout` is the
+        computation of the actions, and `update` is the update of the network.
     """
     durations = _time_learning(config, rounds)
     robots_without_physics = durations["robots"] - durations["physics"]
@@ -152,11 +155,11 @@ def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
 
 class Stopwatch:
-    """Measures the total duration of all calls of functions that `timed` has wrapped."""
+    """Stopwatch that measures the total duration of all calls of functions, which its method `timed` wraps."""
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, float](float)
-        """Name given to `timed` -> total duration of all calls of the wrapped function, s."""
+        """Name of a wrapped function, as given to `timed` -> total duration of all calls of the function, s."""
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function that calls `function` and adds the duration of the call to `seconds[name]`."""

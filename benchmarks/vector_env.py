@@ -90,8 +90,8 @@ def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations for all scenarios and numbers of robots, with the check of the requirement `vector_env` if REFERENCE
-        is among them.
+        Durations for all scenarios and numbers of robots. The result also has the check of the requirement `vector_env`
+        if the scenario and the number of robots in REFERENCE are measured.
 
     Raises:
         UsageError: A scenario is unknown.
@@ -117,11 +117,11 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
     """Create the table of speeds, with a row for each scenario and number of robots.
 
     Args:
-        timings: Scenario and number of robots -> durations.
+        timings: Name of the scenario and number of robots -> measured durations.
         options: Options of the command.
 
     Returns:
-        The table: speed ratio, overhead per control step, µs, and control steps per second.
+        The table, which has columns for speed ratio, overhead per control step, µs, and control steps per second.
     """
     rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
@@ -135,7 +135,9 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
 
 
 def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions, advance: Advance) -> VectorEnvTiming:
-    """Time the vector environment and MuJoCo's `Batch.step`, which take turns after every control step.
+    """Time a control step of the vector environment and of MuJoCo's `Batch.step` alone.
+
+    Both take turns: after each control step of one, the other one simulates a control step.
 
     Args:
         name: Name of the scenario.

@@ -27,7 +27,7 @@ from quad_env.cli.progress import show_bar
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 """Names of browser executables, in the order in which the benchmark searches for them."""
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
-"""Command-line arguments with which the browser starts."""
+"""Command-line arguments of the browser that turn off its sandbox, its first-run pages and its network services."""
 SOFTWARE = ("--enable-unsafe-swiftshader",)
 """Command-line argument with which the browser renders on the processor, without graphics hardware."""
 WARM_UP = 5.0
@@ -38,9 +38,9 @@ LONG_WARM_UP = 60.0
 It is longer than WARM_UP because a long measurement examines the growth of memory.
 """
 LONG_RUN = 600.0
-"""Duration from which on a measurement waits LONG_WARM_UP instead of WARM_UP, s."""
+"""Smallest duration of a measurement that waits LONG_WARM_UP instead of WARM_UP at its start, s."""
 SAMPLE_PERIOD = 1.0
-"""Time between two readings of the simulation speed that the page displays, s."""
+"""Time after which the benchmark reads the simulation speed on the page again, s."""
 SIZE = {"width": 1280, "height": 900}
 """Width and height of the browser window, pixels."""
 
@@ -64,7 +64,8 @@ def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command; `seconds` is the duration of the measurement.
 
     Returns:
-        Measured values, with the checks of the requirements `view real time`, `view frames` and `view first frame`.
+        Measured values. The result also has the checks of the requirements `view real time`, `view frames` and
+        `view first frame`.
     """
     if options.quick:
         options = ViewBenchmarkOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
@@ -142,7 +143,7 @@ def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
 
 
 def _sample(page: Any, seconds: float) -> tuple[float, float]:
-    """Read the displayed speed and the number of frames for some time.
+    """Read the simulation speed on the page repeatedly, and count the frames that the page draws, for some time.
 
     Args:
         page: Page of Playwright that shows the live view.

@@ -1,4 +1,7 @@
-"""Interactive session: one simulated robot that a user can steer and push during an episode."""
+"""Interactive session, in which a user steers and pushes one simulated robot during an episode.
+
+The live view and the ROS interface use sessions.
+"""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -40,7 +43,7 @@ class Session:
         command: Fixed velocity command: forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (3,); None
             for the commands that the scenario draws.
         seed: Seed of the present episode.
-        latest: Last control step; before the first control step, the start of the episode.
+        latest: Record of the last control step; before the first control step, the record of the start of the episode.
         user_intervened: True if a user steered or pushed the robot or changed the policy in the present episode.
     """
 
@@ -69,7 +72,7 @@ class Session:
             close_on_error.pop_all()
 
     def reset(self, seed: int | None = None) -> Step:
-        """Start a new episode, and return its start as step 0.
+        """Start a new episode, and return the record of its start, step 0.
 
         A fixed velocity command stays fixed in the new episode.
 
@@ -77,14 +80,14 @@ class Session:
             seed: Seed of the new episode; None for the present seed plus 1.
 
         Returns:
-            Start of the episode.
+            Record of the start of the episode, with observation and infos.
         """
         self.seed = self.seed + 1 if seed is None else seed
         self.notify(f"reset, seed {self.seed}")
         return self._begin()
 
     def step(self) -> Step:
-        """Simulate one control step of the robot, and return the step with its observation and infos."""
+        """Simulate one control step of the robot, and return its record with observation and infos."""
         return self._notify_observers(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
@@ -141,14 +144,14 @@ class Session:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        """Start the episode of the present seed, and return its start as step 0."""
+        """Start an episode with the present seed, and return the record of its start, step 0."""
         self._policy_changed_at = self._offset = None
         self.user_intervened = False
         self.policy.reset(num_envs=1, seed=0)
         return self._notify_observers(reset_episodes(self.env, np.array([self.seed]), self.command))
 
     def _notify_observers(self, step: Step) -> Step:
-        """Store a control step as `latest`, call all observers with it, and return it."""
+        """Store the record of a control step as `latest`, call all observers with it, and return it."""
         self.latest = step
         for observer in self.observers:
             observer(step)

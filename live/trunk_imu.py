@@ -1,6 +1,6 @@
-"""Ideal accelerometer at the centre of the trunk.
+"""Ideal accelerometer at the centre of the trunk, which computes the specific force: acceleration minus gravity.
 
-The specific force (acceleration minus gravity) is computed here, because the environment's infos do not contain it.
+The recordings and the ROS interface need the specific force, but the infos of the environment do not contain it.
 """
 
 from collections.abc import Mapping

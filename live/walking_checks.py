@@ -31,12 +31,13 @@ REFERENCE_POLICY = "trot_feedback"
 It walks on all robots of `quad_env.ROBOTS` without parameters that were tuned for each robot.
 """
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
-"""Velocity commands of the checks: name -> forward and left velocity, m/s, and yaw rate, rad/s.
+"""Velocity commands at which `python -m quad_env doctor` tests the walking of a policy.
 
-The commands are for the robot SimpleQuad; they are scaled to the size of other robots.
+The dictionary is: name of the command -> forward and left velocity, m/s, and yaw rate, rad/s. The commands are for the
+robot SimpleQuad; they are scaled to the size of other robots.
 """
 MIN_REPORTED_DAMPING_RATIO = 0.05
-"""Ratio of passive joint damping to servo damping, above which `describe_spec` reports the joint damping."""
+"""Smallest ratio of passive joint damping to servo damping for which `describe_spec` reports the joint damping."""
 NAME_REMEDY = "name an existing policy: python -m quad_env policies"
 INTERFACE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
@@ -48,7 +49,7 @@ def check_reference_policy(subject: DoctorSubject) -> Finding:
         subject: Robot that is checked.
 
     Returns:
-        Finding: ok, or a problem of the robot's model with likely cause and remedy.
+        Result of the check: ok, or a problem of the robot's model with likely cause and remedy.
     """
     robot = subject.robot
     tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot, servo="own"), subject)
@@ -72,7 +73,7 @@ def check_policy(subject: DoctorSubject) -> Finding:
         subject: Robot and policy that are checked.
 
     Returns:
-        Finding: ok, or a problem of the policy with likely cause and remedy.
+        Result of the check: ok, or a problem of the policy with likely cause and remedy.
     """
     assert subject.policy is not None
     try:
@@ -93,14 +94,14 @@ def check_policy(subject: DoctorSubject) -> Finding:
 
 
 def _load_problem(reference: str, error: PolicyError) -> Finding:
-    """Return the finding about a policy that cannot be loaded, with likely cause and remedy.
+    """Return the result of the check of a policy that cannot be loaded, with likely cause and remedy.
 
     Args:
         reference: Name or path of the policy.
         error: Error that loading the policy has raised.
 
     Returns:
-        Finding of the kind `problem`.
+        Result of the check, of the kind `problem`.
     """
     if policies.is_reference(reference):
         return _policy_code_problem(str(error))
@@ -129,7 +130,10 @@ def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
 
 
 def _policy_code_problem(observed: str) -> Finding:
-    """Return a finding of the kind `problem` for a policy that fails because of an error in its own code."""
+    """Return the result of a check, a problem, for a policy that fails because of an error in its own code.
+
+    `observed` is the text about the failure.
+    """
     return problem(observed, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
 
 
@@ -146,7 +150,7 @@ def check_description(subject: DoctorSubject) -> Finding:
         subject: Robot and policy that are checked.
 
     Returns:
-        Finding: ok, a warning or a problem.
+        Result of the check: ok, a warning or a problem.
     """
     try:
         policy = _load_policy(subject)
@@ -180,7 +184,7 @@ def check_standing(subject: DoctorSubject) -> Finding:
         subject: Robot and policy that are checked.
 
     Returns:
-        Finding: ok, or a problem with the likely error in the policy's description.
+        Result of the check: ok, or a problem with the likely error in the policy's description.
     """
     return _check_walks(subject, (diagnosis.STAND,))
 
@@ -192,7 +196,7 @@ def check_walking(subject: DoctorSubject) -> Finding:
         subject: Robot and policy that are checked.
 
     Returns:
-        Finding: ok, or a problem with the likely error in the policy's description.
+        Result of the check: ok, or a problem with the likely error in the policy's description.
     """
     return _check_walks(subject, tuple(name for name in diagnosis.COMMANDS if name != diagnosis.STAND))
 
@@ -205,7 +209,8 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
         robot: Robot that the policy controls.
 
     Yields:
-        Lines about control rate, joint order, servo gains, observation terms and open questions.
+        Lines about control rate, joint order, servo gains and observation terms, and one line for each assumption that
+        was made because the deployment file is incomplete.
     """
     yield f"rate    {spec.control_rate:g} Hz"
     yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"
@@ -219,7 +224,10 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
 
 
 def _format_term(term: SpecTerm) -> str:
-    """Format name, width, scale and history of an observation term, as in `joint_velocity 12 × 0.05`."""
+    """Format an observation term as text: its name, number of values, scale and history.
+
+    An example is `joint_velocity 12 × 0.05`, which has twelve values with the scale 0.05.
+    """
     scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
     history = f" of {term.history} steps" if term.history > 1 else ""
     return f"{term.name} {term.width}{scale}{history}"
@@ -238,7 +246,7 @@ def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Find
         command_names: Names of commands in `diagnosis.COMMANDS`.
 
     Returns:
-        Finding: ok, or a problem with the likely error in the policy's description.
+        Result of the check: ok, or a problem with the likely error in the policy's description.
     """
     policy = _load_policy(subject)
     if policy.spec is None:

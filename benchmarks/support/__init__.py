@@ -1,1 +1,4 @@
-"""Common parts of all benchmarks: timing, commands, requirements, and MuJoCo for comparison."""
+"""Common code of all benchmarks.
+
+The modules time functions, define benchmark commands, check requirements, and simulate robots with MuJoCo alone.
+"""

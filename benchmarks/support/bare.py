@@ -1,4 +1,7 @@
-"""Simulation by MuJoCo without the environment, with the same model, initial states and actions."""
+"""Simulates robots with MuJoCo alone, for comparison of the speed with the environment.
+
+The MuJoCo model, the initial states and the actions are equal to the ones in the environment.
+"""
 
 import time
 from dataclasses import dataclass
@@ -17,14 +20,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
-"""Velocity command of the compared robots: forward, m/s, left, m/s, and yaw rate, rad/s."""
+"""Velocity command of the robots in the benchmarks: forward, m/s, left, m/s, and yaw rate, rad/s."""
 MAX_STARTS = 256
 """Largest number of different initial states in a batch of robots; a larger batch repeats the states."""
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """MuJoCo model and n states after resets of the environment, made by `make_initial_states`."""
+    """MuJoCo model, and n initial states of a robot after resets of the environment; see `make_initial_states`."""
 
     model: mujoco.MjModel
     """MuJoCo model that the environment simulates."""
@@ -48,7 +51,7 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
 
     Args:
         scenario: Name of the scenario.
-        num_envs: Number of states. From MAX_STARTS on, the first states are repeated.
+        num_envs: Number of states. If it is larger than MAX_STARTS, the first MAX_STARTS states are repeated.
         robot: Name of the robot, or path of its model file.
 
     Returns:

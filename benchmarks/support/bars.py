@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Threshold:
-    """Lower or upper limit of one measured value."""
+    """Lower or upper limit of one measured value, for example a speed ratio."""
 
     sign: str
     """Kind of the limit: `≥` for a lower limit, `≤` for an upper limit."""
@@ -18,7 +18,7 @@ class Threshold:
     """Unit that is printed directly after a number, with a leading space if needed, for example ` µs` or `/s`."""
 
     def is_met(self, value: float) -> bool:
-        """Return True if a measured value, in the unit of the limit, is within the limit; False for NaN."""
+        """Return True if the measured `value`, in the unit of the limit, is within the limit; False for NaN."""
         return value >= self.bound if self.sign == "≥" else value <= self.bound
 
     def __str__(self) -> str:
@@ -89,7 +89,7 @@ ACCURACY_BARS = {
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """Measured values of a requirement, made by `check_requirement`.
+    """Check of a requirement: its measured values, and if they meet the requirement; see `check_requirement`.
 
     The names of the fields are keys of the benchmark's JSON file.
     """
@@ -106,14 +106,14 @@ class RequirementCheck:
 
 
 def check_requirement(bar: str, *values: float) -> RequirementCheck:
-    """Return the check of a requirement for measured values.
+    """Check if measured values meet a requirement.
 
     Args:
         bar: Name of the requirement, a key of BARS.
         *values: Measured values, one for each limit of the requirement.
 
     Returns:
-        The check, with the name of the requirement and the measured values.
+        The check, which has the name of the requirement and the measured values.
 
     Raises:
         ValueError: The number of values is different from the number of limits.

@@ -1,4 +1,7 @@
-"""Common code of the benchmark commands: options, their limits, tables, JSON file and exit code."""
+"""Common code of the benchmark commands.
+
+It defines their common options, checks the options, runs the benchmark, prints tables, and writes the JSON file.
+"""
 
 import dataclasses
 import json
@@ -71,7 +74,7 @@ class BenchmarkResult:
     notes: tuple[str, ...] = ()
     """Lines that the command prints below the tables."""
     unmeasured: tuple[str, ...] = ()
-    """Names of requirements in BARS that only other benchmark commands measure."""
+    """Names of requirements in BARS that other benchmark commands check, but this command does not."""
 
 
 def make_command(
@@ -155,7 +158,8 @@ def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) 
 
     Args:
         checks: Checked requirements with their measured values.
-        unmeasured: Names of requirements without measured values. The table shows the command that measures each.
+        unmeasured: Names of requirements without measured values. The table shows the command that measures each of
+            them.
 
     Returns:
         The table, with one row per requirement.

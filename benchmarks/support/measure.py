@@ -1,4 +1,4 @@
-"""Timing of functions that take turns, and statistics of the measured durations.
+"""Times functions that take turns, and computes statistics of the measured durations.
 
 The functions are called in turns (A B A B …), so that other work on the machine slows all functions equally. In a
 round, each function is called once.
@@ -23,9 +23,9 @@ from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
-"""Function that does the same work at every call, and returns the duration of the work, s."""
+"""Type of a function that does the same work at every call, and returns the duration of the work, s."""
 Advance = Callable[[], None]
-"""Function that moves a progress bar forward; it is called when one part of the work is done."""
+"""Type of a function that moves a progress bar forward; it is called when one part of the work is done."""
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def progress_bar(description: str, total: int) -> Iterator[Advance]:
 def interleave(
     timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1
 ) -> dict[str, Floats]:
-    """Time functions that take turns.
+    """Time several functions that take turns, so that other work on the machine slows all of them equally.
 
     Args:
         timed_functions: Name -> function that does the same work at every call and returns the duration, s.
@@ -132,7 +132,7 @@ def cores() -> int:
 
 
 def machine_facts() -> dict[str, Any]:
-    """Return facts about this machine for the benchmark report.
+    """Return facts about this machine and its Python packages, for the report of a benchmark.
 
     Returns:
         Dictionary: `cpu`, name of the processor; `cores`, number of cores; `load`, mean load of the last minute, None

@@ -1,6 +1,7 @@
-"""Accuracy of a physics setting: deviation of strides from a reference, and slip of standing feet.
+"""Measures the accuracy of a physics setting, such as a solver or a time step.
 
-The reference simulation repeats the same stride with a finer time step and a fully converged solver.
+The accuracy is the deviation of recorded strides of the trot from a reference simulation, and the slip of standing
+feet. The reference simulation repeats the same stride with a finer time step and a fully converged solver.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
-"""Period between two control steps, s: the default of the environment."""
+"""Time between two control steps in the environment by default, s."""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
 """Velocity command of each recorded stride: forward, m/s, left, m/s, and yaw rate, rad/s."""
 SETTLING_STEPS = 100
@@ -30,7 +31,7 @@ SIDE_LOAD = 20.0
 
 @dataclass(frozen=True)
 class Stride:
-    """Recorded stride of the trot, made by `record_strides`: initial state and joint targets."""
+    """Stride (one gait cycle) of the trot that `record_strides` has recorded: initial state and joint targets."""
 
     qpos: Floats
     """Generalized positions at the start of the stride, MuJoCo `qpos`, (nq,)."""
@@ -46,7 +47,8 @@ class Stride:
 class Accuracy:
     """Accuracy of one physics setting, made by `measure_accuracy`.
 
-    The first three fields compare strides with the same strides in the reference simulation, over all recorded strides.
+    The first three fields compare simulated strides with the same strides in the reference simulation. Each of them is
+    the largest deviation over all recorded strides.
     `bars.ACCURACY_BARS` has the limit of each field.
     """
 

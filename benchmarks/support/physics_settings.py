@@ -1,4 +1,4 @@
-"""Physics settings that the benchmark compares, by name.
+"""Defines the physics settings that the benchmark `physics` compares, and compiles their MuJoCo models.
 
 A physics setting is a change of solver, friction cone, collisions or time step in the shipped MuJoCo model.
 """
@@ -13,7 +13,7 @@ from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SpecEdit = Callable[[mujoco.MjSpec], None]
-"""Function that changes the specification of a MuJoCo model in place."""
+"""Type of a function that changes the specification of a MuJoCo model in place."""
 
 NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 CG = int(mujoco.mjtSolver.mjSOL_CG)
@@ -71,7 +71,7 @@ def combine(*changes: SpecEdit) -> SpecEdit:
 
 
 FINE = edit_options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-"""Change of the shipped model for the reference simulation, from which the deviation of a setting is measured.
+"""Change of the shipped model for the reference simulation, with which the accuracy of a setting is measured.
 
 The time step is four times finer, and the solver converges fully.
 """
@@ -79,7 +79,10 @@ The time step is four times finer, and the solver converges fully.
 
 @dataclass(frozen=True)
 class PhysicsSetting:
-    """Physics setting: a change of the shipped MuJoCo model, for the comparison of speed and accuracy."""
+    """Physics setting: a change of the shipped MuJoCo model, for the comparison of speed and accuracy.
+
+    The shipped model is the model of SimpleQuad that the environment simulates.
+    """
 
     change: SpecEdit
     """Function that changes the specification of the shipped MuJoCo model in place."""

@@ -1,5 +1,6 @@
-"""The simulated robot as a node in ROS 1 or ROS 2, with the topics of the article on the robot.
+"""Connects the simulated robot as a node to ROS 1 or ROS 2.
 
-The simulation does not import ROS. A separate process, the ROS process, runs in a Python that has ROS. It exchanges ROS
-messages with other nodes, and numbers with the simulation.
+The topics have the names and types of the article on the robot. The simulation does not import ROS. A separate process,
+the ROS process, runs in a Python executable that has ROS. It exchanges ROS messages with other nodes, and packets of
+numbers with the simulation.
 """

@@ -1,7 +1,6 @@
-"""Simulation side of the ROS interface, which does not import ROS.
+"""Simulation side of the ROS interface: controls the simulated robot with the numbers of received ROS messages.
 
-It controls the simulated robot with the numbers of received ROS messages, and returns sensor readings for ROS at every
-control step.
+In every control step it returns sensor readings for ROS. The module does not import ROS, which a separate process does.
 """
 
 from collections.abc import Callable, Sequence
@@ -99,7 +98,7 @@ class Bridge:
         self._topic = VELOCITY if self._target_policy is None else JOINT_TARGETS
         self._timeout = VELOCITY_TIMEOUT if self._target_policy is None else TARGET_TIMEOUT
         self._last_message_step: int | None = None
-        """Value of `_steps` when the last valid message arrived.
+        """Number of control steps, `_steps`, at the arrival of the last valid message.
 
         None before the first valid message and after a timeout.
         """

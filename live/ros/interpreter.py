@@ -1,6 +1,7 @@
-"""Python executable that has ROS, and environment variables for the ROS process.
+"""Finds a Python executable that has ROS, and sets the environment variables of the ROS process.
 
-The environment variables limit ROS to this machine unless the user allows the network.
+The ROS process connects the simulated robot to ROS. Its environment variables limit ROS to this machine, unless the
+user allows the network.
 """
 
 import os
@@ -15,7 +16,7 @@ from quad_env.cli.command_line import UsageError
 
 _MESSAGES = ("geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs")
 REQUIRED_MODULES = {"1": ("rospy", "rosmaster", *_MESSAGES), "2": ("rclpy", *_MESSAGES)}
-"""Version of ROS -> names of the modules that a Python executable must be able to import."""
+"""Version of ROS, `1` or `2` -> names of the modules that the Python executable of the ROS process must import."""
 ROOT = Path(__file__).parents[2]
 """Root folder of the project, which contains the package `live`."""
 DEFAULT_MASTER = "http://localhost:11311"

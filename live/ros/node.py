@@ -1,7 +1,7 @@
-"""The ROS process: `python3 -m live.ros.node VERSION JOINT…`.
+"""Main module of the ROS process, which connects the simulated robot to ROS.
 
-The standard input of the process is a socket to the simulation. The module runs under any Python from 3.8 on that has
-ROS, and imports only the standard library and ROS.
+The command line is `python3 -m live.ros.node VERSION JOINT…`. The standard input of the process is a socket to the
+simulation. The module runs under any Python from 3.8 on that has ROS, and imports only the standard library and ROS.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ IMU = "/imu"
 Angular velocity, rad/s, and specific force, m/s², are in the base frame.
 """
 CLOCK = "/clock"
-"""Published topic of type rosgraph_msgs/Clock: simulated time."""
+"""Published topic of type rosgraph_msgs/Clock: simulated time since the start of the simulation."""
 JOINT_STATE_PERIOD = 0.02
 """Time between two messages of the topic JOINT_STATES, s; the other topics have a message at every control step."""
 NODE = "simple_quad"
 """Name under which the simulated robot registers as a ROS node."""
 MAX_NUMBERS = 256
-"""Maximum number of joint targets in a ROS message that the node passes to the simulation.
+"""Maximum number of joint targets that the node passes from a ROS message to the simulation.
 
-No robot accepts a longer message. Therefore the node passes on only the number of its joint targets.
+No robot accepts a longer message. Of a longer message, the node passes on only the number of joint targets, so that the
+simulation can report it.
 """
 MAX_PACKET_SIZE = 65_536
 """Maximum size of a packet between the ROS process and the simulation, bytes."""
@@ -111,7 +112,10 @@ class Node:
             self._publish_packet(json.loads(data))
 
     def _publish_packet(self, packet: dict[str, Any]) -> None:
-        """Publish time, IMU readings and joint readings of a packet from the simulation as ROS messages."""
+        """Publish the contents of a packet from the simulation as ROS messages.
+
+        A packet has the simulated time and the IMU readings, and in some control steps the joint readings.
+        """
         stamp = self._stamp(packet["time"])
         clock = self._message_types[CLOCK]()
         clock.clock = stamp

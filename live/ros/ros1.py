@@ -16,13 +16,14 @@ QUEUE_SIZE = 100
 """Maximum number of messages that wait for a slow subscriber or for this node; the oldest are dropped."""
 
 MASTER_TIMEOUT = 3.0
-"""Time within which a ROS master must answer, s; otherwise the node starts a master."""
+"""Time within which a ROS master (name server of ROS 1) must answer, s; otherwise the node starts a master."""
 
 
 class Ros1:
     """Node of ROS 1, which publishes and receives messages.
 
-    The constructor raises OSError if no ROS master answers and no ROS master can be started.
+    The ROS master is the name server of ROS 1. The constructor raises OSError if no ROS master answers, and no ROS
+    master can be started.
 
     Args:
         name: Name of the node.

@@ -1,4 +1,7 @@
-"""Control of the ROS process by the simulation, with which it exchanges packets over a socket."""
+"""Starts and stops the ROS process, and exchanges packets with it over a socket.
+
+The ROS process connects the simulated robot to ROS; the simulation itself does not import ROS.
+"""
 
 import contextlib
 import json
@@ -27,9 +30,9 @@ class RosProcessError(UsageError):
 
 
 class RosProcess:
-    """Runs the ROS process, and exchanges packets (JSON messages) between the simulation and this process.
+    """Runs the ROS process, and exchanges packets (JSON messages) between the simulation and the ROS process.
 
-    During the simulation, neither of the two processes waits for the other.
+    During the simulation, neither process waits for the other.
 
     Args:
         command: Command line of the ROS process.
@@ -69,7 +72,10 @@ class RosProcess:
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Yield the packets that have arrived since the last call; raise RosProcessError if the process ended."""
+        """Yield the packets that the ROS process has sent since the last call.
+
+        Raises RosProcessError if the ROS process has ended.
+        """
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()

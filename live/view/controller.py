@@ -45,7 +45,7 @@ class ViewController:
     Attributes:
         paused: True while the simulation is paused.
         sessions: One session per robot.
-        orbit: Viewpoint of the camera.
+        orbit: Viewpoint of the camera, which the user moves with the mouse.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class ViewController:
         self._each(Session.close)
 
     def _each(self, call: Callable[[Session], object]) -> None:
-        """Call the function `call` once with each session."""
+        """Call the function `call` once for each robot, with its session."""
         for session in self.sessions:
             call(session)
 
@@ -193,7 +193,7 @@ class ViewController:
         self._events.append(f"{scenario.name}, {' and '.join(session.policy.name for session in self.sessions)}")
 
     def _reset(self, seed: int | None = None) -> None:
-        """Start the episode of a seed for all robots; None takes the present seed plus 1."""
+        """Start a new episode of all robots with the given seed; None means the present seed plus 1."""
         self._each(lambda session: session.reset(seed))
         self._aim_at_start()
 

@@ -19,7 +19,7 @@ STATE_RATE = 10.0
 MAX_PENDING_REQUESTS = 256
 """Maximum number of requests that wait for the next control step; further requests are refused."""
 HANDSHAKE = "hello"
-"""First message of a page; the server answers with the policies and scenarios that the user can choose."""
+"""First message that a page sends; the server answers with the policies and scenarios that the user can choose."""
 EPISODE_STARTS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
 """Names of the requests that start an episode.
 
@@ -84,7 +84,7 @@ class LiveView:
                 self._show(time.perf_counter())
 
     def _show(self, now: float) -> None:
-        """Start to draw an image if one is due, and send the state to the pages if a state message is due.
+        """Start to draw an image if one is due, and send a state message (telemetry) to the pages if one is due.
 
         Args:
             now: Present time of `time.perf_counter`, s.

@@ -21,7 +21,7 @@ from live.session import Session
 
 
 class _RecordedStep(NamedTuple):
-    """A control step, with failure and safety stop of the policy after this step."""
+    """Record of a control step, and of a failure or safety stop of the policy in this step."""
 
     step: Step
     failure: Any
@@ -31,7 +31,9 @@ class _RecordedStep(NamedTuple):
 
 
 class EpisodeOutcome:
-    """Records the control steps of one episode of a session, and evaluates the episode at its end.
+    """Outcome of one episode in the live view.
+
+    The object records the control steps of the episode, and decides the outcome at the end of the episode.
 
     Args:
         session: Session at the start of an episode.
@@ -51,7 +53,7 @@ class EpisodeOutcome:
         self.record()
 
     def record(self) -> None:
-        """Record the latest control step of the session; if the episode has ended, decide its outcome."""
+        """Record the latest control step of the session; if the episode has ended with it, decide the outcome."""
         if self._has_ended:
             return
         step = self._session.latest
@@ -66,7 +68,7 @@ class EpisodeOutcome:
 
     @property
     def words(self) -> str:
-        """Outcome of the episode in words; if it is undecided, the reason for that."""
+        """Outcome of the episode in words; if the outcome is undecided, the reason for this."""
         if self.story:
             return self.story[-1].replace("  ", ": ", 1)
         if self._session.user_intervened:

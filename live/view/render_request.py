@@ -1,4 +1,7 @@
-"""Requests to draw a robot: its simulated state and the viewpoint of the camera for one image."""
+"""Requests to draw a robot for the live view, and the viewpoint of the camera that the user moves.
+
+A request has the simulated state of the robot and the viewpoint for one image.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +16,7 @@ from quad_env.physics.rendering import Viewpoint
 ROTATION_GAIN = 0.4
 """Rotation of the camera per pixel of a mouse drag, degrees."""
 ZOOM_GAIN = 0.0015
-"""Relative change of the camera's distance per unit that the mouse wheel turns."""
+"""Relative change of the distance between camera and target per unit of the mouse wheel's motion."""
 MAX_ELEVATION = 89.0
 """Largest angle of the camera above or below the horizontal plane through its target, degrees."""
 DISTANCE_RANGE = (0.4, 30.0)

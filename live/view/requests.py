@@ -1,4 +1,7 @@
-"""Validation of the requests that a web page sends: JSON objects with an action and its arguments."""
+"""Parses and validates the requests that a web page of the live view sends.
+
+A request is a JSON object with the name of an action and its arguments.
+"""
 
 import json
 from collections.abc import Callable, Mapping
@@ -8,7 +11,7 @@ from typing import Any
 MAX_COMMAND = 3.0
 """Largest absolute value of each component of a velocity command, m/s and rad/s."""
 MAX_ROBOTS = 4
-"""Maximum number of robots that the live view shows side by side."""
+"""Maximum number of robots that the live view simulates and shows side by side."""
 MAX_IMPULSE = 500.0
 """Largest impulse of a push that a page may request, N·s."""
 SPEED_RANGE = (0.05, 10.0)

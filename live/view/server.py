@@ -188,7 +188,7 @@ class Server:
             del self._pages[connection]
 
     def _await_frame(self, page: ServerConnection) -> None:
-        """Note that a page waits for an image."""
+        """Record that the connected page `page` waits for an image."""
         self._pages[page] = True
         self.wanted.set()
 

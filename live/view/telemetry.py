@@ -1,4 +1,7 @@
-"""Telemetry of a robot for the web page: present state, and one row per control step for the curves."""
+"""Collects the telemetry of a robot for the web page of the live view.
+
+The telemetry is the present state of the robot, and a row of numbers per control step for the curves on the page.
+"""
 
 from collections import deque
 from typing import Any
@@ -114,11 +117,14 @@ class Telemetry:
 
 
 def rounded(values: Any) -> list[float]:
-    """Return values as a list of floats that are rounded to three decimals, for JSON messages to the page."""
+    """Convert the numbers in `values` to floats with three decimals, for JSON messages to the page."""
     return [round(float(value), 3) for value in values]
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return a residual policy's largest correction relative to its limit; None for other policies."""
+    """Return the largest present correction of a residual policy, as a fraction of its authority.
+
+    None for other policies.
+    """
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)
