@@ -1,16 +1,16 @@
-"""`python -m quad_env COMMAND`: the environment, robots and policies by name, and episodes to watch, film and record.
+"""Program `python -m quad_env`: lists robots and policies, and shows, films and records episodes.
 
-Commands that need policies belong to other packages, which are in a clone of the project alone.
+Some commands need policies. They are in packages that only a clone of the project contains.
 """
 
 import sys
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # This comes before the next imports, because they take time in which Ctrl-C may come.
+if __name__ == "__main__":  # This precedes the next imports, because the user may press Ctrl-C during them.
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
-        sys.path.insert(0, str(launcher.ROOT))  # The clone is first, so that a user's `evaluate.py` is not imported.
+        sys.path.insert(0, str(launcher.ROOT))  # First, so that a user's `evaluate.py` is not imported.
 
 from quad_env.cli.program import Command, Program
 

@@ -1,7 +1,7 @@
-"""Arithmetic with which one formula works on floats (one robot) and on arrays (n robots), with identical bits.
+"""Arithmetic for formulas that give identical bits for floats (one robot) and arrays (n robots).
 
 NumPy and Python round + - * / and sqrt equally, so results do not depend on the number of robots or on the type. The
-function `ordered_sum` adds in order, because NumPy's sum adds pairwise and Python's sum compensates rounding errors.
+function `ordered_sum` adds in order, because NumPy's sum adds pairwise, and Python's sum compensates rounding errors.
 The environment of one robot uses floats, because they make it about three times as fast as arrays of length one.
 """
 
@@ -26,7 +26,7 @@ ScalarOrBatch = TypeVar("ScalarOrBatch", float, Array)
 Components = Sequence[ScalarOrBatch]
 """Type of a vector with k components: k floats for one robot, or k arrays (n,) for n robots.
 
-It is a tuple or an array (k, n).
+The vector is a tuple, or an array (k, n).
 """
 ComponentReader = Callable[[Array], Components[ScalarOrBatch]]
 """Type of functions that select robots from an array with one row per robot.
@@ -38,7 +38,7 @@ BoolOrMask = bool | Mask
 
 
 def to_components(rows: Array) -> Components[Array]:
-    """Transpose an array with one row per robot, `rows`, (n, k), to one row per component, (k, n), as a copy."""
+    """Transpose `rows`, one row per robot, (n, k), to a new array with one row per component, (k, n)."""
     return cast("Components[Array]", rows.T.copy())
 
 
@@ -70,17 +70,20 @@ def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray
 
 
 def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the sum of `columns`, added from the first to the last, so that rounding is always the same."""
+    """Return the sum of the quantities `columns`, each a float or an array (n,), added in order.
+
+    The fixed order of the additions makes the rounding the same for floats and arrays.
+    """
     out: Any = 0.0
     for column in columns:
-        out += column  # The first sum, 0.0 + column, is a new array, so `columns` stay unchanged.
+        out += column  # This keeps `columns` unchanged, because the first sum, 0.0 + column, is a new array.
     return out  # type: ignore[no-any-return]
 
 
 def differences(
     x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]
 ) -> Components[ScalarOrBatch]:
-    """Return the difference of the vectors `x` and `y`, component by component; `y` may be k floats for all robots."""
+    """Return the difference of the vectors, `x` - `y`, by component; `y` may be k floats for all robots."""
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 
 
@@ -100,7 +103,7 @@ def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
     """Return the fraction, 0 to 1, of the components of the vector `x` with a magnitude above `bound`."""
     if isinstance(x, np.ndarray):
         return cast("ScalarOrBatch", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
-    # The sum uses a list, because a list is faster than a generator here.
+    # A list is summed, because a generator would be slower here.
     return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
 
 
@@ -112,13 +115,16 @@ def sqrt(x: ScalarOrBatch) -> ScalarOrBatch:
 def exp(x: ScalarOrBatch) -> ScalarOrBatch:
     """Return the exponential of `x`, a float or an array (n,).
 
-    NumPy computes it for floats, too, because the result of `math.exp` differs in the last bit.
+    NumPy also computes the exponential of a float, because the result of `math.exp` differs in the last bit.
     """
     return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
 
 
 def sin(x: ScalarOrBatch) -> ScalarOrBatch:
-    """Return the sine of `x`, rad; NumPy computes it for floats too, as for `exp`."""
+    """Return the sine of the angle `x`, rad, a float or an array (n,).
+
+    NumPy also computes the sine of a float, so that floats and arrays give the same bits.
+    """
     return float(np.sin(x)) if isinstance(x, float) else np.sin(x)
 
 
@@ -128,7 +134,7 @@ def clip(x: ScalarOrBatch, low: float, high: float) -> ScalarOrBatch:
 
 
 def clipped_index(x: ScalarOrBatch, last: int) -> Any:
-    """Return the integer part of a non-negative `x`, at most `last`, as an index or an array of indices (n,)."""
+    """Return the integer part of a non-negative `x`, at most `last`, as an index or as indices (n,)."""
     return min(int(x), last) if isinstance(x, float) else np.minimum(x.astype(np.intp), last)
 
 

@@ -1,4 +1,4 @@
-"""Settings of the environment as frozen dataclasses; the constructors raise ValueError for invalid values."""
+"""Settings of the environment as frozen dataclasses that raise ValueError for invalid values."""
 
 import sys
 from collections.abc import Iterator
@@ -12,13 +12,16 @@ from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 GRAVITY = 9.81
 """Gravitational acceleration in all scenarios, m/s²."""
 MIN_TRUNK_HEIGHT_RATIO = 0.2
-"""Height of the trunk above the terrain below which a robot has fallen, as a fraction of the leg length."""
+"""Trunk height above the terrain below which a robot has fallen, as a fraction of the leg length."""
 COMMAND_BOUND = 100.0
-"""Largest magnitude of each component of a velocity command, m/s or rad/s; observations are clipped to it."""
+"""Largest valid magnitude of each component of a velocity command, m/s or rad/s.
+
+The command in the observation is also clipped to this magnitude.
+"""
 
 
 class Bounds(NamedTuple):
-    """Range of the valid numbers of a setting; it is part of the field's type annotation, in `Annotated`."""
+    """Range of the valid numbers of a setting, for use in the type annotation `Annotated[float, Bounds(...)]`."""
 
     description: str
     """Range in words, such as `from 0 to 1`, for the error message `<field> must be <description>`."""
@@ -78,20 +81,20 @@ def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
 
 @cache
 def _annotations(settings_class: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
-    """Return the dictionary of a settings dataclass: name of a field -> its type, and the bounds of its numbers."""
+    """Return a dictionary for a settings dataclass: name of a field -> its type, and bounds of its numbers."""
     annotated = get_type_hints(settings_class, include_extras=True)
     return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(settings_class).items()}
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
-    """Yield all `Bounds` in a type annotation, also those within `tuple[...]`, `... | None` and similar types."""
+    """Yield all `Bounds` in the type annotation `hint`, also within `tuple[...]`, `... | None` and similar."""
     yield from (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Bounds))
     for part in get_args(hint):
         yield from _bounds(part)
 
 
 class Settings:
-    """Base class of settings dataclasses; the constructor raises ValueError for an invalid field."""
+    """Base class of settings dataclasses; the constructor raises ValueError if a field is invalid."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -99,9 +102,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommandRanges(Settings):
-    """Ranges from which velocity commands are drawn uniformly, at reset and then at regular intervals.
+    """Ranges from which velocity commands are drawn uniformly, at the start of an episode and at intervals.
 
-    Commands are in the heading frame: its x axis is the trunk's forward direction, projected onto the horizontal plane.
+    Commands are in the heading frame, which has the trunk's forward direction, projected onto the horizontal plane, as
+    its x axis.
     """
 
     forward: tuple[float, float] = (-1.0, 1.5)
@@ -111,19 +115,19 @@ class CommandRanges(Settings):
     yaw_rate: tuple[float, float] = (-1.2, 1.2)
     """Smallest and largest yaw rate, positive to the left, rad/s"""
     zero_fraction: Fraction = 0.1
-    """Probability that a draw gives the zero command"""
+    """Probability that a draw gives the zero command, with which the robot should stand"""
     interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
-    """Time between draws, s; the mean time if `random_intervals` is True"""
+    """Time between two draws of a command, s; the mean time if `random_intervals` is True"""
     random_intervals: bool = False
     """True to draw the time between two draws from an exponential distribution"""
     on_probability: tuple[Fraction, Fraction, Fraction] = (1.0, 1.0, 1.0)
-    """Probability that a component is drawn and not zero: forward velocity, lateral velocity, yaw rate"""
+    """Probability that a component (forward, lateral, yaw rate) is drawn from its range; otherwise it is 0"""
     keep_probability: Fraction = 0.0
-    """Probability that a component keeps its value in a draw after the first"""
+    """Probability that a component keeps its value at a draw after the first draw of an episode"""
 
     @property
     def draws_components(self) -> bool:
-        """True if components can be zero or keep their values independently of each other."""
+        """True if single components of a command can be zero or keep their values, independently of the others."""
         return self.keep_probability > 0.0 or self.on_probability != (1.0, 1.0, 1.0)
 
     def steps(self, dt: float) -> int:
@@ -132,7 +136,7 @@ class CommandRanges(Settings):
 
     @classmethod
     def straight(cls, speed: float) -> "CommandRanges":
-        """Return ranges from which only one command is drawn: move straight forward at `speed`, m/s."""
+        """Return ranges that contain only one command: move straight forward at `speed`, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
     def scaled(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
@@ -171,9 +175,9 @@ def _scaled_range(values: tuple[float, float], factor: float) -> tuple[float, fl
 
 @dataclass(frozen=True)
 class StartNoise(Settings):
-    """Uniform noise on the start state of an episode, which is the home pose at rest.
+    """Uniform random noise that is added to the start state of an episode, the home pose at rest.
 
-    Each field is the half-width of the range from which the noise is drawn.
+    Each field is the largest magnitude of the noise; the noise is drawn from -field to +field.
     """
 
     yaw: float = 3.141592653589793
@@ -192,10 +196,10 @@ class StartNoise(Settings):
 
 @dataclass(frozen=True)
 class AnyPose(Settings):
-    """Random start state of an episode in any pose, as after a fall; the robot's lowest point is on the ground.
+    """Random start state of an episode, as after a fall: any orientation, any joint angles, and velocities.
 
-    Orientations are drawn uniformly, and joint angles uniformly within the joint limits. Velocities are drawn uniformly
-    from a range around zero; each field is the half-width of a range.
+    The robot's lowest point is on the ground. Orientations are drawn uniformly, and joint angles uniformly within the
+    joint limits. Each field is the largest magnitude of a velocity, which is drawn uniformly from -field to +field.
     """
 
     joint_velocity: float = 3.0
@@ -208,15 +212,15 @@ class AnyPose(Settings):
 
 @dataclass(frozen=True)
 class FallRule(Settings):
-    """Limits of tilt and height beyond which a robot has fallen; ground contact of the trunk is always a fall."""
+    """Limits of tilt and height beyond which a robot has fallen; trunk contact is always a fall."""
 
     name: str = "simple-quad/1"
-    """Name of the rule, which is stored with every result"""
+    """Name of the fall rule, which is stored with every evaluation result"""
     tilt: float = 1.2217304763960306
-    """Maximum angle between the trunk's z axis and the vertical, 70 degrees, rad"""
+    """Maximum angle between the trunk's z axis and the vertical, rad; the default is 70°"""
     height: float | None = None
-    """Minimum height of the trunk centre above the terrain below it, m; None for a fifth of the leg length, which is
-    0.12 m for SimpleQuad"""
+    """Minimum height of the trunk centre above the terrain below it, m; None for a fifth of the leg length (SimpleQuad:
+    0.12 m)"""
 
     def min_trunk_height(self, leg_length: float) -> float:
         """Return the height of the trunk above the terrain, m, below which a robot has fallen.
@@ -231,9 +235,9 @@ class FallRule(Settings):
 
 
 FALL_RULE = FallRule().name
-"""Name of the default fall rule, which is stored with every result."""
+"""Name of the default fall rule, which is stored with every evaluation result."""
 FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
-"""Reasons of a fall, indexed by the code in `info["fall"]`; code 0 means that the robot has not fallen.
+"""Names of the reasons of a fall, indexed by the number in `info["fall"]`; 0 means no fall.
 
 If several reasons apply, the first one in this order counts.
 """
@@ -241,7 +245,10 @@ If several reasons apply, the first one in this order counts.
 
 @dataclass(frozen=True)
 class RewardWeights(Settings):
-    """Weight of each reward term; the function of a term has the same name in `quad_env.task.rewards`."""
+    """Weight of each reward term, as reward per second; only the weight of `fall` counts once, at the fall.
+
+    The function of a term in `quad_env.task.rewards` has the same name as its weight.
+    """
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -270,12 +277,12 @@ class PhysicsOptions(Settings):
     """Simplifications of the physics that make training faster; none by default."""
 
     contacts: Literal["all", "feet-trunk", "feet"] = "all"
-    """Geoms of the robot that collide: all, feet and trunk, or feet alone. In the last case a fall is seen by tilt and
-    height of the trunk"""
+    """Geoms of the robot that collide: all, feet and trunk, or only feet. With only feet, a fall is detected by tilt
+    and height of the trunk"""
     cone: Literal["model", "pyramidal", "elliptic"] = "model"
-    """Friction cone of the contacts; model: the cone of the robot's MJCF"""
+    """Friction cone of the contacts; model: the cone that the robot's MJCF defines"""
     joint_friction: Literal["model", "none"] = "model"
-    """none: remove the dry friction of the joints, which is one constraint of the solver per joint"""
+    """Dry friction of the joints; none: remove it, which saves the solver one constraint per joint"""
 
 
 @dataclass(frozen=True)
@@ -283,7 +290,7 @@ class TaskConfig(Settings):
     """Settings of the task: control rate, physics step, fall rule and reward weights."""
 
     control_rate: float = 100.0
-    """Rate of observations and actions, Hz"""
+    """Control rate, at which the policy observes and acts, Hz"""
     timestep: Positive | None = None
     """Step of the physics and the joint servos, s; None for the value in the MJCF of the robot"""
     solver_iterations: Annotated[int, Bounds("at least 1", 1)] | None = None

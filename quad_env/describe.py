@@ -92,7 +92,7 @@ def _size_lines(robot: Robot) -> Iterator[str]:
 
 
 def _remark_lines(robot: Robot) -> Iterator[str]:
-    """Yield the printed remarks and warnings about a robot's model, such as locked joints and omitted parts."""
+    """Yield the printed remarks and warnings about a robot's model, such as its locked joints."""
     if robot.locked_joints:
         yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
@@ -103,7 +103,7 @@ def _remark_lines(robot: Robot) -> Iterator[str]:
 
 
 def _knees(robot: Robot) -> str:
-    """Return a text about the direction in which a robot's knees bend, leg by leg if the legs differ."""
+    """Return a text about the direction in which the knees bend, such as `backward`; leg by leg if they differ."""
     directions = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
     if len(set(directions)) == 1:
         return directions[0]
@@ -137,9 +137,9 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
 
 
 def _parameter_lines(robot: Robot) -> Iterator[str]:
-    """Yield the parameters of a robot as lines of TOML.
+    """Yield the parameters of a robot as lines of a TOML file.
 
-    The numbers have all digits, so that reading the file gives exactly the same robot.
+    The numbers are written with all digits, so that the file gives exactly the same robot when it is read.
     """
     yield f"name = {json.dumps(robot.name)}"
     for name in GIVEN_PARAMETERS:

@@ -22,7 +22,7 @@ GROUP = "quad_env"
 
 @dataclass(frozen=True)
 class Extension:
-    """Objects that another package or script adds to this project: name -> object, for each kind.
+    """Objects that another package or script adds to this project; each field maps names to objects of one kind.
 
     A name must differ from the built-in names of the same kind. docs/extending.md has an example of each kind.
     """
@@ -75,7 +75,10 @@ KINDS = tuple(kind.name for kind in fields(Extension))
 _added: list[Extension] = []
 """Extensions that `add_extension` has added to this process, in the order of the calls."""
 _added_observers: list[Callable[[], None]] = []
-"""Functions without arguments that clear cached lists of names; `add_extension` calls each of them at its end."""
+"""Functions without arguments that `add_extension` calls at its end.
+
+Each function clears a cached list of names, because the list does not contain the objects of the new extension.
+"""
 
 
 def add_extension(extension: Extension) -> None:
@@ -106,15 +109,15 @@ def added_extensions() -> tuple[Extension, ...]:
 
 
 def when_added(drop_cache: Callable[[], None]) -> None:
-    """Register `drop_cache`, a function without arguments, which each later call of `add_extension` calls.
+    """Register a function without arguments, `drop_cache`, that every later call of `add_extension` calls.
 
-    The function clears a cached list of names, because the objects of the new extension are missing in this list.
+    The function should clear a cached list of names, because the list lacks the objects of the new extension.
     """
     _added_observers.append(drop_cache)
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return the objects of one kind, for example all robots, that the extensions add.
+    """Return the objects of one kind, for example all robots, that installed and added extensions provide.
 
     Args:
         kind: Name of a field of `Extension`, such as `robots`.
@@ -129,9 +132,7 @@ def named(kind: str) -> dict[str, Any]:
 
 
 def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the objects of one kind that the extensions add, after a check of their names.
-
-    The names must differ from the built-in names of this kind.
+    """Return the objects of one kind that extensions add, and check that their names are not built-in names.
 
     Args:
         kind: Name of a field of `Extension`, such as `robots`.
@@ -195,7 +196,7 @@ def _load(entry_point: EntryPoint) -> Extension | None:
 def _first_clash(extensions: list[Extension], extension: Extension) -> str | None:
     """Return the first kind and name, such as `robots rex`, that `extension` shares with `extensions`.
 
-    The result is None if `extension` shares no name of the same kind with the others.
+    The result is None if no object of `extensions` has the same kind and name as an object of `extension`.
     """
     for kind in KINDS:
         for name in getattr(extension, kind):

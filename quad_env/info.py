@@ -57,7 +57,7 @@ def _overview(robot: Robot) -> Iterator[str]:
 
 
 def _format_range(values: Iterable[float]) -> str:
-    """Return the distinct numbers in `values` in ascending order as text, such as `20 to 30`."""
+    """Return the distinct numbers in `values` as text, in ascending order, such as `20 to 30`."""
     return " to ".join(f"{value:g}" for value in sorted({*map(float, values)}))
 
 

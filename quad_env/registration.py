@@ -1,7 +1,7 @@
-"""Registration of the environment with Gymnasium, which does not have to be imported for it.
+"""Registration of the environment with Gymnasium, which also works before Gymnasium is imported.
 
-The import of Gymnasium and NumPy takes a quarter of a second, and a command that only prints its help needs neither
-package. A command that limits memory or handles Ctrl-C must do this before the import.
+This module does not import Gymnasium and NumPy, because their import takes a quarter of a second. A command that only
+prints its help needs neither package. A command that limits memory or handles Ctrl-C must do so before the import.
 """
 
 import sys
@@ -19,7 +19,7 @@ MAX_EPISODE_STEPS = 1000
 
 
 def register() -> None:
-    """Register the environment with Gymnasium: now if Gymnasium is imported, else at the end of its import."""
+    """Register the environment with Gymnasium: now, or at the end of the first import of Gymnasium."""
     if (gymnasium := sys.modules.get("gymnasium")) is not None:
         _add_to(gymnasium)
     else:

@@ -1,6 +1,6 @@
-"""Random seeds that differ between training, validation, search and evaluation, and random generators.
+"""Seeds of episodes, which differ between training, validation, search and evaluation, and random generators.
 
-An evaluation episode therefore never occurs in training or in a search for parameters.
+Because the seeds differ, an evaluation episode never occurs in training or in a search for parameters.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PURPOSES = ("user", "training", "validation", "search", "evaluation")
-"""Purposes of episode seeds; two different purposes never have a seed in common."""
+"""Purposes of episodes; seeds of two different purposes are always different."""
 _FAMILY_BITS = 48
 """Number of low bits of an episode seed that are random; the higher bits are the index in `PURPOSES`."""
 
@@ -48,9 +48,9 @@ def fresh_seeds(count: int) -> list[int]:
 
 
 def _stream(number: int) -> "cached_property[np.random.Generator]":
-    """Return a property of `EpisodeStreams` with the random generator of the stream `number`.
+    """Return a cached property of `EpisodeStreams`: the random generator with the index `number`.
 
-    The generator is made at the first access. Its numbers do not depend on the use of the other streams.
+    The generator is made at the first access. Its numbers do not depend on the use of the other generators.
     """
 
     def make(streams: "EpisodeStreams") -> np.random.Generator:
@@ -61,14 +61,14 @@ def _stream(number: int) -> "cached_property[np.random.Generator]":
 
 
 class EpisodeStreams:
-    """Random generators of one episode: an independent one for each kind of random quantity, such as pushes.
+    """Random generators of one episode, an independent generator for each random quantity, such as pushes.
 
     Generator i of episode k has the seed `SeedSequence(seed, spawn_key=(k, i))`. A change of one kind of random
     quantity therefore does not change the others.
 
     Args:
         seed: Seed with which the environment of the robot was reset.
-        episode: Number of episodes of this robot since the reset with this seed.
+        episode: Index of the episode, counted from 0 at the reset with this seed.
     """
 
     def __init__(self, seed: int, episode: int) -> None:
@@ -88,7 +88,7 @@ class EpisodeStreams:
     noise = _stream(5)
     """Random generator of the noise on the observation."""
     dropouts = _stream(6)
-    """Random generator of the times and joints of dropouts, in which joints do not receive new targets."""
+    """Random generator of times and joints of dropouts; in a dropout a joint servo receives no new targets."""
     sensors = _stream(7)
     """Random generator of the biases, offsets and noise of the simulated sensors."""
     scan_noise = _stream(8)

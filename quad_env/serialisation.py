@@ -36,7 +36,7 @@ Module names are left out, so that stored results stay readable if a class moves
 
 
 def to_json_values(value: Any) -> Any:
-    """Convert settings to values that `json.dumps` accepts.
+    """Convert settings, such as a `Scenario`, to dictionaries, lists and numbers that `json.dumps` accepts.
 
     ValueError is raised if `value` is neither a settings dataclass of this package nor a list, tuple, string, number,
     bool or None.
@@ -57,9 +57,9 @@ def to_json_values(value: Any) -> Any:
 def from_json_values(value: Any) -> Any:
     """Convert JSON values from `to_json_values` back to settings dataclasses; lists become tuples.
 
-    Untrusted JSON is safe, because only classes of this package are made. A JSON object without a class name, as
-    Gymnasium's `EnvSpec.to_json` writes it, becomes an instance of the class that has all keys of the object as fields.
-    If several classes have them, the class with the fewest fields is used. Missing fields get their defaults.
+    Untrusted JSON is safe, because the function makes only instances of settings classes of this package. Gymnasium's
+    `EnvSpec.to_json` writes JSON objects without a class name. The class is then the one that has all keys of the JSON
+    object as fields, with the fewest other fields. Missing fields get their defaults.
 
     Args:
         value: JSON values, as `json.loads` returns them.

@@ -1,4 +1,4 @@
-"""Checks of the environments' arguments: a check returns the valid value or raises ValueError."""
+"""Checks of the arguments of the environments: a check returns the valid value, or raises ValueError."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ MAX_PIXELS = 8192
 MAX_THREADS = 1024
 """Maximum number of simulation threads of a vector environment."""
 RESET_OPTIONS = ("command", "reset_mask")
-"""Valid keys of the argument `options` of `reset`."""
+"""Valid keys of the dictionary `options`, an argument of `reset`."""
 
 
 def check_count(name: str, count: Any) -> int:
@@ -133,7 +133,7 @@ def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
 
 
 def _check_reset_mask(mask: Any, num_envs: int) -> Mask:
-    """Check the reset mask, (num_envs,) bool, and return it; return True for all robots if it is None."""
+    """Check and return the reset `mask`, (num_envs,) bool; if it is None, return True for all robots."""
     if mask is None:
         return np.ones(num_envs, bool)
     array = np.asarray(mask)

@@ -1,4 +1,4 @@
-"""Check of assignments to environment attributes: an assignment without effect raises AttributeError."""
+"""Check of assignments to environment attributes: an assignment that has no effect raises an error."""
 
 from collections.abc import Iterable
 from inspect import signature
@@ -7,13 +7,16 @@ from typing import Any
 from quad_env.config import TaskConfig
 
 GYMNASIUM_ATTRIBUTES = frozenset(("spec", "metadata", "np_random", "closed"))
-"""Attributes that Gymnasium sets on every environment, so that an assignment is valid."""
+"""Names of the attributes that Gymnasium sets on every environment, so that an assignment is valid."""
 SPACE_ATTRIBUTES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
-"""Attributes with observation and action spaces; a subclass of an environment may replace them."""
+"""Names of the attributes with observation and action spaces, which a subclass of an environment may replace."""
 COMMAND_ATTRIBUTES = frozenset(("command", "commands", "command_ranges"))
-"""Names that users may assign to change the velocity command; the error message shows the correct call."""
+"""Names of attributes that a user may try to assign in order to change the velocity command.
+
+These attributes do not exist; the error message shows the correct call.
+"""
 PACKAGE = __name__.rpartition(".")[0]
-"""Python package of the environment classes; a class outside of this package is a subclass of a user."""
+"""Name of the package of the environment classes; a class of another package is a user's subclass."""
 
 
 def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> None:

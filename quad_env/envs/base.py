@@ -79,7 +79,7 @@ class EnvOptions:
 
 
 class Equipment(NamedTuple):
-    """Hardware of the simulated robot: actuator, sensor suite and name of the state estimator."""
+    """Equipment of the simulated robot: model of the joint servos, simulated sensors and name of the estimator."""
 
     actuator: Actuator
     sensors: SensorSuite | None
@@ -87,7 +87,7 @@ class Equipment(NamedTuple):
 
     @property
     def imu(self) -> Mounting | None:
-        """Position, m, and rotation, rad, of the IMU on the trunk; None if there are no simulated sensors."""
+        """Position, base frame, m, and roll, pitch, yaw, rad, of the IMU on the trunk; None for no sensors."""
         return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
 
 
@@ -95,13 +95,16 @@ class StepOutcome(NamedTuple, Generic[ScalarOrBatch]):
     """Results of a control step: floats for one robot, or arrays, (k,), for k robots."""
 
     state: QuadState[ScalarOrBatch]
-    """State after the step; `state.command` is the velocity command that the robot tracked during the step."""
+    """State after the step; `state.command` is the velocity command that the robot tracked in the step."""
     observation: NDArray[np.float32]
     """Observation after the step, (size,) or (k, size)."""
     terms: dict[str, ScalarOrBatch]
-    """Key in the infos -> value, for mechanical power, W, fraction of overspeed joints, and every reward term."""
+    """Key in the infos -> value.
+
+    The values are the mechanical power, W, the fraction of joints above their rated speed, and all reward terms.
+    """
     fall: Any
-    """Reason of the fall as an index into `config.FALL_REASONS`, an int or (k,); 0 if the robot has not fallen."""
+    """Index of the reason of the fall in `config.FALL_REASONS`, an int or (k,); 0 for no fall."""
     diverged: BoolOrMask
     """True for robots with a diverged simulation: MuJoCo warned, or the state is not finite."""
     terminated: BoolOrMask
@@ -129,11 +132,11 @@ class QuadEnvBase:
     This is a class attribute, because `close_extras` reads it even if the constructor failed.
     """
     _made = False
-    """True after the constructor has finished; `__setattr__` checks assignments only from then on."""
+    """True after the constructor has finished; only then, `__setattr__` checks assignments."""
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute; raise AttributeError if the assignment would have no effect."""
+        """Set the attribute `name` to `value`; raise AttributeError if the assignment would have no effect."""
         if name[0] != "_" and self._made:
             check_settable(self, name, value, EnvKwargs.__annotations__)
         object.__setattr__(self, name, value)
@@ -173,9 +176,9 @@ class QuadEnvBase:
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
-        """Model of the simulated robot; its servo gains are the mean if the gains differ between the n robots."""
+        """Model of the simulated robot; if the servo gains differ between the n robots, it has their mean."""
         self.scenario = find_scenario(_to_setting(scenario), self.robot)
-        """Scenario of all episodes: terrain, commands, disturbances and start noise."""
+        """Scenario of all episodes: terrain, commands, disturbances and initial state."""
         equipment = self._select_equipment(options)
         self._build_task(options)
         simulation_config = SimulationConfig(
@@ -201,13 +204,13 @@ class QuadEnvBase:
         return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
 
     def _build_task(self, options: EnvOptions) -> None:
-        """Compute the minimum trunk height, reward weights, and reward and observation terms of the user."""
+        """Prepare fall detection, reward weights, and the reward and observation terms of the user."""
         weights = self.config.reward_weights
         self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
         self._reward_weights = step_weights(weights, self.dt)
         self._user_rewards = user_rewards(options.rewards)
         self._reward_keys = (*self._reward_weights, *self._user_rewards)
-        """Keys in the infos of all reward terms, `reward_<name>`; the reward is the sum of these terms."""
+        """Keys of all reward terms in the infos, `reward_<name>`; the reward is the sum of these terms."""
         self._user_terms = user_terms(options.observations)
         has_weighted_feet = any(getattr(weights, name) != 0.0 for name in FOOT_TERMS)
         self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
@@ -229,14 +232,13 @@ class QuadEnvBase:
         """Table of the observation: name, slice, bound and scale of each term."""
         self._rows = np.arange(num_envs)
         self._tracked_command = np.zeros((num_envs, 3))
-        """Command that each robot tracked in its last step: forward m/s, lateral m/s, yaw rate rad/s; (n, 3)."""
+        """Command that each robot tracked in its last step, (n, 3): forward and lateral m/s, yaw rate rad/s."""
 
     def _select_equipment(self, options: EnvOptions) -> Equipment:
-        """Return the actuator, sensors and estimator from the options or from the robot's hardware profile.
+        """Return actuator, sensors and estimator from the options, or from the robot's hardware profile.
 
-        The hardware profile (realistic motors, sensors and estimator) applies if `Scenario.hardware` is True.
-        ValueError is raised if the options of an environment with this profile also name actuator, sensors or
-        estimator.
+        The hardware profile (realistic motors, sensors and estimator) applies if `Scenario.hardware` is True. In this
+        case, ValueError is raised if the options name an actuator, sensors or an estimator, too.
         """
         equipment = Equipment(
             find_actuator(_to_setting(options.actuator)), sensor_suite(_to_setting(options.sensors)), options.estimator
@@ -254,7 +256,7 @@ class QuadEnvBase:
 
     @property
     def estimator(self) -> Estimator | None:
-        """State estimator of the observed gravity and velocity; None if the observation has the true values."""
+        """Estimator of the observed gravity direction and velocity; None if the observation has the true values."""
         return self._observation_model.estimator
 
     @property
@@ -318,7 +320,7 @@ class QuadEnvBase:
     def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
         """Put robots with a diverged simulation into the home pose, and return True for these robots, (k,).
 
-        The reset makes the state of these robots finite again.
+        Their states may contain infinite numbers or NaN; the home pose makes them finite.
         """
         diverged: BoolOrMask = self.simulation.diverged(env_ids)
         if any_true(diverged):
@@ -331,9 +333,10 @@ class QuadEnvBase:
         return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
-        """Return the fall reasons, and True for robots with an episode that ends in this step.
+        """Return the reasons of falls, and True for robots with an episode that ends in this step.
 
-        A fall reason is an index into `config.FALL_REASONS`. `diverged` is True for robots with a diverged simulation.
+        A reason is an index into `config.FALL_REASONS`, 0 for no fall. `diverged` is True for robots with a diverged
+        simulation.
         """
         fall = where(diverged, 0, fall_reason_code(state, self.config.fall_rule, self._min_trunk_height))
         return fall, diverged | ((fall > 0) & self.terminate_on_fall)
@@ -344,7 +347,7 @@ class QuadEnvBase:
         """Compute mechanical power, overspeed and reward terms of a step: key in the infos -> value.
 
         The mechanical power has the unit W. Overspeed is the fraction of joints above their rated speed. The reward
-        terms are weighted. `terminated` and `diverged` are True for robots with an episode that ends, and for robots
+        terms are weighted. `terminated` is True for robots with an episode that ends. `diverged` is True for robots
         with a diverged simulation.
         """
         terms = {
@@ -397,9 +400,9 @@ def _check_task_config(config: Any) -> TaskConfig:
 def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
     """Return the robot model with its servo gains, and the servo gains of each of the `num_envs` robots.
 
-    `servo` is a pair of stiffness and damping, "stiff" for the stiff servos of the robot model, or None for its gains.
-    The returned gains are stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); they are None if all robots have the
-    same gains. If the gains differ, the robot model has their mean.
+    `servo` is a pair of stiffness and damping, "stiff" for the gains of the robot for controllers that need stiff
+    servos, or None for the usual gains of the robot. The returned gains are stiffness, N·m/rad, and damping, N·m·s/rad,
+    (2, n, 12). They are None if all robots have the same gains. If the gains differ, the robot model has their mean.
     """
     robot = get_robot(robot)
     gains = robot.servo_gains(servo, num_envs)

@@ -1,4 +1,4 @@
-"""The single environment of one robot; state, rewards and falls are Python floats, which are fast."""
+"""The single environment of one robot, which computes with Python floats, because they are fast."""
 
 from typing import Any, ClassVar, Unpack
 
@@ -118,7 +118,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             seed: Seed that defines this and the following episodes. None keeps the present seed, and starts the next
                 episode that this seed defines.
             options: Dictionary with the key "command", the velocity command of the whole episode: forward m/s, lateral
-                m/s, yaw rate rad/s, (3,). If it is None, commands are drawn at random.
+                m/s, yaw rate rad/s, (3,). If `options` is None, commands are drawn at random.
 
         Returns:
             obs: First observation, (size,).
@@ -178,7 +178,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
 
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
-        """Return the observation and the info of the present state, with all reward terms 0."""
+        """Return the observation and the info of the present state; all reward terms in the info are 0."""
         state: QuadState[float] = self._compute_state(None)
         terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
         return self._observe(state, None), self._info(state, terms)
@@ -186,13 +186,14 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     def _info(self, state: QuadState[float], terms: dict[str, float]) -> dict[str, Any]:
         """Return the info of a step or reset, key -> number or array.
 
-        `terms` are the infos of mechanical power, overspeed and reward terms, key -> value.
+        `terms` are the values of mechanical power, W, overspeed (fraction of joints above their rated speed) and reward
+        terms, key -> value.
         """
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
-            # An array, because Gymnasium's vector envs would make an object array of `np.bool_`.
+            # This is an array, because Gymnasium's vector envs would collect `np.bool_` in an array of objects.
             "diverged": np.array(self._diverged),
             **{key: np.float64(value) for key, value in terms.items()},
         }

@@ -1,4 +1,7 @@
-"""Wrappers with actions in [-1, 1] around the home pose, for learners (PPO) that explore around 0."""
+"""Environment wrappers with actions in [-1, 1], where 0 is the home pose, for learners such as PPO.
+
+A learner explores around the action 0 at first, so that the robot starts to learn near its home pose.
+"""
 
 from typing import Any
 

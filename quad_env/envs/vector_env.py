@@ -37,7 +37,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     Args:
         num_envs: Number of robots.
         scenario: Name of a scenario with an optional level or severity, or a `quad_env.Scenario`; see `SimpleQuadEnv`.
-        nthread: Number of simulation threads; the results do not depend on it.
+        nthread: Number of simulation threads; the results do not depend on this number.
         autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot is not simulated: its last observation is repeated, with zero reward, until
             `reset(options={"reset_mask": mask})`.
@@ -255,7 +255,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._store_observation(state, self._observe(state, env_ids), env_ids)
 
     def _store(self, result: StepOutcome[Array], env_ids: EnvSelection) -> None:
-        """Write the `result` of a step to the rows `env_ids` of the stored arrays; set the time-limit flags."""
+        """Write the `result` of a step of the robots `env_ids` to the stored arrays, and check the time limit."""
         self._state = result.state if env_ids is ALL else None
         self._diverged[env_ids] = result.diverged
         self._fall[env_ids] = result.fall
@@ -270,7 +270,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._observation[env_ids] = observation
 
     def _scatter(self, values: Array, env_ids: EnvSelection) -> Array:
-        """Return an array, (n,), with the `values` at the robots `env_ids` and zeros elsewhere."""
+        """Return an array, (n,), with the `values`, (k,), of the robots `env_ids`, and zeros for other robots."""
         if env_ids is ALL:
             return values
         out = np.zeros(self.num_envs)
@@ -278,13 +278,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return out
 
     def _zero_terms(self) -> Infos:
-        """Return the infos of a reset, key -> zeros, (n,): mechanical power, overspeed and all reward terms."""
+        """Return zeros, (n,), for the keys of the mechanical power, overspeed and all reward terms in the infos."""
         return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
 
     def _infos(self, terms: Infos) -> Infos:
         """Return all infos of a step or reset, key -> array (n, ...), with the mask `_<key>` of each key.
 
-        `terms` are the infos of mechanical power, overspeed and reward terms, key -> (n,).
+        `terms` are the values of mechanical power, overspeed (fraction of joints above their rated speed) and reward
+        terms, key -> (n,).
         """
         infos: Infos = {
             "command": self._tracked_command.copy(),
@@ -295,7 +296,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._has_readings:
             infos |= compute_readings(self.simulation, self._state)
-            # Zero at the start of an episode, because MuJoCo's torque is from before the reset.
+            # The torques are set to zero at the start of an episode, because MuJoCo's torques are from before it.
             infos["joint_torque"][self._schedule.step_count == 0] = 0.0
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}

@@ -8,7 +8,7 @@ import numpy as np
 from quad_env.columns import Array, EnvIndices
 
 _STATE_FIELDS = {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}
-"""Fields of MuJoCo's data that define the state of a robot; MuJoCo computes all other fields from them."""
+"""Names of the fields of MuJoCo's data that define the state of a robot; all other fields follow from them."""
 
 
 class ArrayBatch:
@@ -30,7 +30,7 @@ class ArrayBatch:
         self._data = mujoco.MjData(model)
         self._fields = {name: np.zeros((num_envs, *getattr(self._data, name).shape)) for name in fields}
         self._expanded: dict[str, Array] = {}
-        """Name -> values, (n, ...), of the model fields that differ between robots."""
+        """Name of each model field that may differ between robots -> its values, (n, ...)."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
 
     def bind(self, field: str) -> Array:

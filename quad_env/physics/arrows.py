@@ -15,7 +15,7 @@ _MIN_LENGTH = 1e-3
 
 
 class Arrow(NamedTuple):
-    """Arrow between two points of a rendered image; nothing is drawn if the points coincide."""
+    """Arrow between two points in a rendered scene; nothing is drawn if the points coincide."""
 
     start: Components[float]
     """Position of the arrow's start, world frame, (3), m."""
@@ -27,7 +27,7 @@ class Arrow(NamedTuple):
 
 
 class Ball(NamedTuple):
-    """Glowing ball with a text label in a rendered image."""
+    """Glowing ball with a text label in a rendered scene."""
 
     centre: Components[float]
     """Position of the ball's centre, world frame, (3), m."""

@@ -1,4 +1,4 @@
-"""Interface to a physics engine that simulates n robots: the methods of MuJoCo's batch that are used."""
+"""Interface that each physics engine implements, with the methods of MuJoCo's batch, and its factory."""
 
 from typing import Any, Protocol
 
@@ -6,7 +6,7 @@ from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.simulators import DRAKE, SIMULATOR_FEATURES, WARP, SimulatorFeatures
 
 _NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpoly")
-"""Model fields of joint springs and nonlinear joint damping."""
+"""Names of the MuJoCo model fields of joint springs and nonlinear joint damping."""
 
 
 class Batch(Protocol):
@@ -16,7 +16,7 @@ class Batch(Protocol):
     """
 
     warning: Any
-    """MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each warning kind."""
+    """MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each kind."""
 
     @property
     def features(self) -> SimulatorFeatures:

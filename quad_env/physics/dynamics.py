@@ -1,8 +1,8 @@
 """Rigid-body dynamics for controllers: inertia, bias forces, foot positions and Jacobians.
 
 The coordinates are MuJoCo's coordinates of a free joint. The generalised velocity, (18), consists of the linear
-velocity of the trunk, world frame, m/s, its angular velocity, base frame, rad/s, and the joint speeds, rad/s. The world
-frame may be any frame with a vertical z axis, for example a frame at the trunk centre with x ahead.
+velocity of the trunk, world frame, m/s, its angular velocity, base frame, rad/s, and the joint velocities, rad/s. The
+world frame may be any frame with a vertical z axis, for example a frame at the trunk centre with a forward x axis.
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ _SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 class DynamicsTerms(NamedTuple):
-    """Terms of the equations of motion of n robots in their states; `Dynamics.compute` returns them."""
+    """Terms of the equations of motion of n robots in given states; `Dynamics.compute` returns them."""
 
     mass: Floats
     """Total mass of each robot, (n,), kg."""
     inertia: Floats
     """Inertia matrix for the generalised velocity, including the rotor inertia of the joints, (n, 18, 18)."""
     bias_force: Floats
-    """Generalised forces at which the generalised acceleration is zero, (n, 18), N and N·m.
+    """Bias force: generalised force at which the generalised acceleration is zero, (n, 18), N and N·m.
 
     These forces balance Coriolis and centrifugal forces, gravity and joint damping.
     """
@@ -49,7 +49,7 @@ class DynamicsTerms(NamedTuple):
 
     @property
     def leg_jacobians(self) -> Floats:
-        """Jacobians of the feet for the joint angles of their own legs, world frame, (n, 4, 3, 3), m/rad."""
+        """Jacobian of each foot for the three joint angles of its leg, world frame, (n, 4, 3, 3), m/rad."""
         by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
         return np.ascontiguousarray(by_leg.diagonal(0, 1, 3).transpose(0, 3, 1, 2))
 
@@ -70,7 +70,7 @@ class _MujocoModel(NamedTuple):
     """Generalised velocities in MuJoCo's order, (18,), which `Dynamics` writes before a computation."""
     site_positions: Any
     composite_inertia: Any
-    """Rotational inertia of the robot with locked joints, in MuJoCo's order xx, yy, zz, xy, xz, yz, (6,), kg·m²."""
+    """Rotational inertia of the robot with locked joints, in the order xx, yy, zz, xy, xz, yz, (6,), kg·m²."""
     com_position: Any
     com_velocity: Any
     bias_force: Any
@@ -108,7 +108,7 @@ class Dynamics:
     """Rigid-body dynamics of a robot, computed by MuJoCo; payload and ground contact are not included."""
 
     robot: Robot
-    """Robot that moves."""
+    """Robot for which the dynamics are computed."""
 
     def __reduce__(self) -> tuple[type["Dynamics"], tuple[Robot]]:
         return Dynamics, (self.robot,)
@@ -130,7 +130,7 @@ class Dynamics:
             velocity: Velocity of the trunk centre, world frame, (n, 3), m/s.
             angular_velocity: Angular velocity of the trunk, base frame, (n, 3), rad/s.
             angles: Joint angles, (n, 12), rad.
-            speeds: Joint speeds, (n, 12), rad/s.
+            speeds: Joint velocities, (n, 12), rad/s.
 
         Returns:
             Inertia, bias forces, foot positions, Jacobians and centre of mass of the n robots.

@@ -1,4 +1,4 @@
-"""Meter of motor work, heat, peak values and foot impulses over a control step, for evaluation."""
+"""Meter of the work, heat, torques and speeds of motors, and of foot impulses, over a control step."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -20,9 +20,12 @@ JOINT_READINGS = (
     "peak_speed",
     "torque_change",
 )
-"""Names of the measurements of a `MotorMeter` with one value per joint; `quad_env.task.readings` explains them."""
+"""Names of the measurements of a `MotorMeter` that have one value per joint.
+
+`quad_env.task.readings` explains them and gives their units.
+"""
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
-"""Function that returns the torques that the joints of k robots received in the last physics step, (k, 12), N·m.
+"""Type of a function that returns the joint torques of k robots in the last physics step, (k, 12), N·m.
 
 Its arguments are the indices of the robots, and the change of the joint speeds in this physics step, (k, 12), rad/s.
 """
@@ -68,7 +71,7 @@ class MotorMeter:
         self._mean_torque = np.zeros(self._speed.shape)
         """Signed mean of each joint's torque over the last control step, (n, 12), N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in JOINT_READINGS}
-        """Name of each measurement -> values of the last control step, (n, 12), or (n, 4) for `foot_impulse`."""
+        """Name of a measurement -> values in the last control step, (n, 12), or (n, 4) for `foot_impulse`."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
     def reset(self, env_ids: EnvSelection) -> None:
@@ -149,8 +152,8 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
     MuJoCo's implicit integration solves (M − h D) (v' − v) = h f(v). M is the inertia matrix, h the time step, f the
     force, and D = df/dv its derivative. v and v' are the velocities before and after the step. So the joints receive
     the explicit torque, `actuator_force`, and the implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. It includes
-    the passive damping of the joints, which is removed here because it is no motor torque. It does not include motors
-    that are at their torque limit.
+    the passive damping of the joints, which is removed here because it is no motor torque. D does not include the
+    damping of motors that are at their torque limit.
 
     Args:
         batch: Batch of the robots.

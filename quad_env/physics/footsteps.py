@@ -1,4 +1,4 @@
-"""Tracker of the contact and motion of each foot of n robots."""
+"""Tracker of the ground contact and motion of each foot of n robots, for rewards and observations."""
 
 from collections.abc import Sequence
 
@@ -8,16 +8,17 @@ from quad_env.columns import Array, EnvSelection, Mask
 from quad_env.scenarios.terrain import Flat, Terrain
 
 LEVEL_GROUND = Flat()
-"""Terrain of feet on level ground at the height zero."""
+"""Level ground at the height 0, the default terrain of `FootContactTracker`."""
 MAX_BOUNCE_STEPS = 1
-"""Largest number of consecutive control steps off the ground that counts as a bounce of a landing foot.
+"""Largest number of consecutive control steps off the ground that counts as a bounce of a foot.
 
-A longer time off the ground is a swing phase. The variable `contact_filt` in legged_gym follows the same rule.
+A bounce does not count as a swing phase, but a longer time off the ground does. The variable `contact_filt` in
+legged_gym follows the same rule.
 """
 
 
 class FootContactTracker:
-    """Tracker of contact, clearance, speed, swing time and touchdown speed of the feet, updated every control step.
+    """Tracker of contact, clearance, speed, swing time and touchdown speed of the feet in each control step.
 
     Args:
         period: Control period, s.
@@ -49,7 +50,7 @@ class FootContactTracker:
         Time is counted in control steps to avoid rounding errors.
         """
         self.swing_time = np.zeros_like(self._air_steps)
-        """Duration of the swing phase of each foot that touched down in the last step, (n, 4), s; 0 for other feet."""
+        """Duration of the swing phase of each foot that touched down in the last step, (n, 4), s; else 0."""
         self.touchdown_speed = np.zeros_like(self._air_steps)
         """Downward speed of each foot that touched down in the last step, (n, 4), m/s; 0 for other feet."""
         self.contact = np.zeros(self._air_steps.shape, bool)
@@ -71,7 +72,7 @@ class FootContactTracker:
         self.clearance[env_ids] = self._clearances(self._position[env_ids])
 
     def update(self, env_ids: EnvSelection) -> None:
-        """Update all quantities after a control step of the robots `env_ids`."""
+        """Update contact, clearance, speed and touchdowns after a control step of the robots `env_ids`."""
         contact = touching(self._contacts, env_ids)
         air_steps = self._air_steps[env_ids]
         has_landed = contact & (air_steps > MAX_BOUNCE_STEPS)
@@ -91,7 +92,10 @@ class FootContactTracker:
         return self._site_positions[env_ids][:, self._foot_sites]
 
     def _clearances(self, position: Array) -> Array:
-        """Return the heights of the undersides of feet at a `position`, (k, 4, 3), above the terrain, (k, 4), m."""
+        """Return the height of each foot's underside above the terrain, (k, 4), m.
+
+        `position` are the positions of the foot sites, world frame, (k, 4, 3), m.
+        """
         ground = self._terrain.height(position[..., 0], position[..., 1])
         clearance: Array = position[..., 2] - ground - self._foot_radius
         return clearance

@@ -29,7 +29,7 @@ def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
 
 
 class IdealSensors:
-    """Reader of noise-free sensor values of n robots at the present state, the input of the sensor models.
+    """Reader of noise-free sensor values of n robots at the present state, from which sensor models start.
 
     After a step MuJoCo's outputs belong to the state before the last physics step. `read` computes the outputs again
     for the present state, and so overwrites them. Code that needs the outputs of the last physics step calls `copy`.
@@ -55,7 +55,7 @@ class IdealSensors:
         self._rotation = np.zeros((num_envs, 3, 3))
         """Rotation matrix from IMU axes to world frame at the last accelerometer sample, (n, 3, 3)."""
         self._copies: list[tuple[Array, Array]] = []
-        """Pairs of a simulator output and its copy from the last physics step, which `refresh` updates."""
+        """Pairs of a simulator output and its copy; `refresh` copies the output of the last physics step."""
 
     def read(self, env_ids: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
         """Return noise-free sensor values at the present state; call this method once per control step.

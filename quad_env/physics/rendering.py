@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 from quad_env.physics.arrows import Arrow, Ball, draw_marks
 
 DRAWN_HALF_WIDTH = 6.0
-"""Half of the side of the terrain square that is drawn, m; a whole height field would have a million triangles."""
-MAX_TARGET_OFFSET = 2.5
-"""Largest distance along x or y between the camera target and the centre of the drawn terrain square, m.
+"""Half of the side of the terrain square that is drawn, m.
 
-The square moves to the target if the distance is larger.
+Only a part of a height field is drawn, because the whole field would have a million triangles.
+"""
+MAX_TARGET_OFFSET = 2.5
+"""Largest distance along x or y from the camera target to the centre of the drawn terrain square, m.
+
+If the distance becomes larger, the square is centred at the target again.
 """
 
 
@@ -35,9 +38,9 @@ class Viewpoint:
     elevation: float = -18.0
     """Angle of the viewing direction above the horizontal, degrees; negative if the camera looks down."""
     distance: float = 2.2
-    """Distance of the camera from the target, m."""
+    """Distance of the camera from the point at which it looks, m."""
     target: tuple[float, float, float] = (0.0, 0.0, 0.3)
-    """Point at which the camera looks, world frame, (3), m."""
+    """Point at which the camera looks, the target, world frame, (3), m."""
 
 
 class Camera:
@@ -71,8 +74,8 @@ class Camera:
             model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        # The first call of `draw` makes the renderer of a free camera, because the terrain must be cropped first.
-        # Uploading the whole terrain would take seconds.
+        # For a free camera, the first call of `draw` makes the renderer, because the terrain must be cropped first:
+        # the upload of the whole terrain to the graphics memory would take seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
@@ -121,9 +124,9 @@ class Camera:
 
 
 class TerrainPatch:
-    """Model with the height field cropped to a square around a point, so that it is drawn fast.
+    """MuJoCo model in which the height field is cropped to a square around a point, so that it is drawn fast.
 
-    A model that has no height field is not changed.
+    If the model has no height field, it is not changed.
 
     Args:
         model: MuJoCo model with the whole height field; it is copied.
@@ -156,7 +159,7 @@ class TerrainPatch:
         return True
 
     def move(self, data: mujoco.MjData) -> None:
-        """Set the position of the cropped terrain in `data`, which is MuJoCo data of the whole model."""
+        """Set the position of the cropped terrain in the MuJoCo data `data`, so that it is drawn at the right place."""
         if self._geom is not None:
             data.geom_xpos[self._geom, :2] = self._centre
 
@@ -250,14 +253,15 @@ class Window:
 
 
 def has_display() -> bool:
-    """Return True if there is a display for windows; on Linux the environment variables show this."""
+    """Return True if windows can be shown; on Linux, DISPLAY or WAYLAND_DISPLAY must be set."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def select_backend() -> None:
-    """Select EGL for MuJoCo's rendering if there is no display; the variable MUJOCO_GL takes precedence.
+    """Make MuJoCo render with EGL, which needs no display, if there is no display.
 
-    MuJoCo's module `gl_context` is reloaded, because it reads MUJOCO_GL only on import.
+    If the environment variable MUJOCO_GL is set, its choice is kept. MuJoCo's module `gl_context` is reloaded, because
+    it reads MUJOCO_GL only on import.
 
     Raises:
         RuntimeError: EGL is not installed.

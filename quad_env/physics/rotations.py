@@ -11,7 +11,7 @@ _SKEW = np.cross(np.eye(3), -np.eye(3)[:, None]).transpose(1, 0, 2).reshape(3, 9
 
 
 def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Convert roll, pitch and yaw angles to quaternions; the rotations are intrinsic: yaw, pitch, roll.
+    """Convert roll, pitch and yaw angles to quaternions; the intrinsic rotations are in the order yaw, pitch, roll.
 
     Args:
         roll: Roll angles, (n,), rad.

@@ -56,12 +56,12 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 
 ALL = slice(None)
-"""Selection of all robots."""
+"""Slice that selects all robots of a batch."""
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
-"""Slice of MuJoCo's warning kinds that mean divergence: bad position, velocity, acceleration or control."""
+"""Slice of MuJoCo's warnings that mean divergence: bad position, velocity, acceleration or control."""
 _LINKS = ("thigh", "calf")
 _SPAWN_HEIGHT = 10.0
-"""Height above uneven ground from which a robot of a user's model is lowered at the start, in leg lengths.
+"""Height from which a robot with a user's model is lowered onto uneven ground at the start, in leg lengths.
 
 A trunk of many geoms must not start below the ground surface, because MuJoCo would run out of memory for contacts.
 """
@@ -82,7 +82,7 @@ class SimulationConfig:
     solver_iterations: int | None = None
     """Maximum contact-solver iterations per physics step; None for the value in the MJCF."""
     physics: PhysicsOptions = NO_SIMPLIFICATION
-    """Simplifications of the physics."""
+    """Simplifications of contacts, friction cone and joint friction; none by default."""
     simulator: str = MUJOCO
     """Name of the physics engine: `mujoco`, `drake` or `warp`; see `quad_env.physics.simulators`."""
     actuator: Actuator = ACTUATORS["ideal"]
@@ -95,10 +95,10 @@ class SimulationConfig:
     imu: Mounting | None = None
     """Position, base frame, (3), m, and roll, pitch and yaw, (3), rad, of the IMU on the trunk.
 
-    An IMU adds the simulated sensors `Simulation.probe`. None for a robot without simulated sensors.
+    With an IMU, the simulation has the reader of simulated sensors `Simulation.probe`. None for no simulated sensors.
     """
     has_meter: bool = False
-    """True to measure motors and foot forces in every physics step, and ground contacts of feet and legs."""
+    """True to measure motors and foot forces in every physics step, and ground contacts of feet, thighs and calves."""
     tracks_footsteps: bool = False
     """True to compute swing times and touchdown speeds in `QuadState`."""
 
@@ -114,7 +114,7 @@ class _ContactSensorNames(NamedTuple):
 
 
 class Simulation:
-    """Simulation of n robots in a scenario; the robots are stepped together. Each environment has one.
+    """Simulation of n robots in a scenario, which steps all robots together; each environment has one.
 
     The results do not depend on n or on the number of threads. Every simulator uses MuJoCo's field names, units and
     frames, see `quad_env.physics.batch`.
@@ -170,7 +170,7 @@ class Simulation:
     def _bind_state(self, num_envs: int) -> None:
         """Get the simulator's arrays of positions, velocities, targets and torques; create the stored actions."""
         self.qpos = self.batch.bind("qpos")
-        """Generalised positions of the robots in MuJoCo's order, (n, 19); writing to this array moves the robots.
+        """Generalised positions of the robots in MuJoCo's order, (n, 19); writing to the array moves the robots.
 
         The order is the trunk centre, world frame, m, the trunk quaternion (w, x, y, z), and the joint angles, rad.
         """
@@ -178,7 +178,7 @@ class Simulation:
         """Generalised velocities in MuJoCo's order, (n, 18); writing to this array changes the velocities.
 
         The order is the linear velocity of the trunk, world frame, m/s, its angular velocity, base frame, rad/s, and
-        the joint speeds, rad/s.
+        the joint velocities, rad/s.
         """
         self._ctrl = self.batch.bind("ctrl")
         self._filtered_ctrl = self.batch.bind("act") if self.model.na else None
@@ -189,16 +189,17 @@ class Simulation:
         self._action = np.tile(self.robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
         self.leg_phase: Array | None = None
-        """Phase of each leg in the gait clock of the learner, (n, 4), rad, see `QuadState`; None without a clock.
+        """Phase of each leg in the gait clock of the learner, (n, 4), rad, see `QuadState`; None by default.
 
-        The simulation has no clock. A learner with one sets the array before each step, for the reward term `gait`.
+        The gait clock says when each leg should swing. The simulation itself has no gait clock. A learner with a gait
+        clock sets the array before each step, because the reward term `gait` needs it.
         """
         self._robot_constants = {
             "home_pose": self.robot.home_pose.tolist(),
             "joint_lower": self.robot.joint_lower.tolist(),
             "joint_upper": self.robot.joint_upper.tolist(),
         }
-        """Field of `QuadState` -> parameter of the robot, (12)."""
+        """Name of a field of `QuadState` -> parameter of the robot with one number per joint, (12), rad."""
 
     def _bind_sensors(self, config: SimulationConfig) -> None:
         """Create the meter of motors and foot forces, and the noise-free sensors, if the options request them."""
@@ -207,7 +208,7 @@ class Simulation:
         """Meter of motor work, heat and foot impulses; None if `SimulationConfig.has_meter` is False."""
         self.probe = None if config.imu is None else IdealSensors(robot, self.batch, model, 1 / config.control_rate)
         """Reader of noise-free sensor values of IMU, joints and feet; None if `SimulationConfig.imu` is None."""
-        if self.probe is not None:  # a copy, because the probe overwrites the outputs of the last physics step
+        if self.probe is not None:  # because the probe overwrites the outputs of the last physics step
             self.torque = self.probe.copy(self.torque)
 
     def _bind_contacts(self, names: _ContactSensorNames) -> None:
@@ -242,7 +243,7 @@ class Simulation:
             )
 
     def _compute_spawn_clearance(self) -> float:
-        """Return the height above the home height at which robots start before they are put on the ground, m."""
+        """Return the height above the home height, m, from which robots are lowered to the ground at the start."""
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # because this ground may be at any height and have many small cells
@@ -262,13 +263,13 @@ class Simulation:
         """Get the simulator's arrays of the external force on the trunk and of the payload position."""
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._steady_force: Array | None = None
-        """Force on the trunk in every step of an episode (wind), world frame, (n, 2), N; None if there is none."""
+        """Steady force on the trunk in an episode, such as wind, world frame, (n, 2), N; None if there is none."""
         self._payload_position: Array | None = None
         if scenario.payload is not None:
             self._payload_position = self.batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
 
     def _bind_actuators(self, scenario: Scenario, config: SimulationConfig) -> None:
-        """Create the low-pass filter of joint targets and the thermal model; get the actuators' history."""
+        """Create the low-pass filter of joint targets and the thermal model; get the array of past targets."""
         robot, model = self.robot, self.model
         actuator = config.actuator
         self._history = self.batch.bind("history") if model.nhistory else None
@@ -277,7 +278,10 @@ class Simulation:
         self._target_filter = make_target_filter(robot, scenario.motors, actuator, config.num_envs, timestep)
         self._thermal_model = make_thermal_model(robot, actuator, timestep, self.batch.expand)
         self._steps_singly = any((self.meter, self._target_filter, self._thermal_model))
-        """True if a model must be updated after every physics step: motor meter, target filter or thermal model."""
+        """True if the simulation must stop after every physics step.
+
+        This is necessary to update a motor meter, a low-pass filter of the joint targets or a thermal model.
+        """
 
     def _bind_randomisation(self, scenario: Scenario) -> None:
         """Create the writer of randomised model parameters, if the scenario has domain randomisation."""
@@ -366,7 +370,7 @@ class Simulation:
                 part.reset(env_ids)
 
     def _reset_loads(self, env_ids: EnvIndices, force: Array | None, payload_position: Array | None) -> None:
-        """Set steady forces and payload positions of the robots `env_ids`, and update their model constants.
+        """Set steady forces and payload positions of the robots `env_ids`, and recompute their model constants.
 
         `force` is the steady force on the trunk, world frame, (k, 2), N. `payload_position` is relative to the centre
         of the trunk, base frame, (k, 2), m.
@@ -389,7 +393,7 @@ class Simulation:
         self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
 
     def _penetration_correction(self, env_ids: EnvIndices, qpos: Array) -> Array:
-        """Return the vertical displacement that puts robots on the ground, (k,), m.
+        """Return the vertical displacement with which the lowest point of each robot touches the ground, (k,), m.
 
         `qpos` are the generalised positions of the robots `env_ids`, (k, 19).
         """
@@ -458,7 +462,7 @@ class Simulation:
             self._footsteps.update(env_ids)
 
     def _step_physics(self, env_ids: EnvSelection, count: int) -> None:
-        """Advance robots by `count` physics steps; count a MuJoCo warning for each robot that fails."""
+        """Advance robots by `count` physics steps; increase the warning count of each robot that MuJoCo cannot step."""
         try:
             self.batch.step(None if env_ids is ALL else env_ids, count)
         except SimulationError as error:
@@ -534,7 +538,7 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk in the last step, not including a steady force, world frame, (n, 2), N."""
+        """Pushing force on every trunk in the last step, except the steady force, world frame, (n, 2), N."""
         return self._push.copy() if self._steady_force is None else self._push - self._steady_force
 
     @property
@@ -578,9 +582,9 @@ class Simulation:
 
 
 def _count_substeps(control_rate: float, timestep: float) -> int:
-    """Return the number of physics steps of `timestep`, s, in a control step at `control_rate`, Hz.
+    """Return the number of physics steps of `timestep`, s, in a control step at the rate `control_rate`, Hz.
 
-    ValueError is raised if it is not a whole number.
+    ValueError is raised if this number is not a whole number.
     """
     period = 1 / control_rate
     substeps = round(period / timestep)

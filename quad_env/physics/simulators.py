@@ -1,4 +1,4 @@
-"""Physics engines (simulators), and the features of the environment that each of them supports."""
+"""Physics engines (simulators), their supported features, and a check that an engine supports a scenario."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -12,9 +12,9 @@ MUJOCO = "mujoco"
 DRAKE = "drake"
 WARP = "warp"
 SIMULATORS = (MUJOCO, DRAKE)
-"""Names of the physics engines for evaluation; WARP (MuJoCo Warp) is absent, because it is for training only."""
+"""Names of the physics engines for evaluation; WARP (MuJoCo Warp) is only for training, and so absent."""
 RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
-"""Name of the physics engine -> computing time of a control step of one robot, as a multiple of MuJoCo's time."""
+"""Name of a physics engine -> time to compute a control step of one robot, as a multiple of MuJoCo's time."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ SIMULATOR_FEATURES = {
         implicit_damping=False,
     ),
 }
-"""Name of each physics engine -> features of the environment that it supports."""
+"""Name of a physics engine -> features of the environment that it supports."""
 
 
 def check_simulator(

@@ -1,4 +1,4 @@
-"""State of one robot or of n robots: positions, velocities and torques in the frames of the task."""
+"""State of one robot or of n robots, for observations, rewards and fall detection, and its frame conversions."""
 
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
@@ -38,13 +38,13 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     joint_position: Components[ScalarOrBatch]
     """Joint angles, (12), rad."""
     joint_velocity: Components[ScalarOrBatch]
-    """Joint speeds, (12), rad/s."""
+    """Joint velocities, (12), rad/s."""
     joint_torque: Components[ScalarOrBatch]
     """Servo torques in the last physics step, (12), N·m."""
     trunk_contact: BoolOrMask
     """True if the trunk touched the ground in the last physics step."""
     command: Components[ScalarOrBatch]
-    """Velocity command of the last control step, heading frame, (3): forward m/s, lateral m/s, yaw rate rad/s."""
+    """Velocity command in the last control step, heading frame, (3): forward and lateral m/s, yaw rate rad/s."""
     action: Components[ScalarOrBatch]
     """Joint targets of the last control step after clipping, (12), rad."""
     previous_action: Components[ScalarOrBatch]
@@ -56,20 +56,30 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     phase. None if no reward or observation term needs swing times.
     """
     touchdown_speed: Components[ScalarOrBatch] | None = None
-    """Downward speed of each foot just before it touched down in the last control step, world frame, (4), m/s.
+    """Downward speed of each foot just before its touchdown in the last control step, world frame, (4), m/s.
 
     The value is 0 for feet that did not touch down. None if no reward or observation term needs touchdown speeds.
     """
     foot_contact: Sequence[Any] | None = None
-    """True for each foot on the ground in the last physics step, (4). None if no term needs it."""
-    foot_height: Components[ScalarOrBatch] | None = None
-    """Height of the underside of each foot above the terrain below it, (4), m. None if no term needs it."""
-    foot_speed: Components[ScalarOrBatch] | None = None
-    """Horizontal speed of each foot over the last control step, world frame, (4), m/s. None if no term needs it."""
-    leg_phase: Components[ScalarOrBatch] | None = None
-    """Phase of each leg in the gait clock of the learner, (4), rad; the leg swings from 0 to π and stands from π to 2π.
+    """True for each foot on the ground in the last physics step, (4).
 
-    None if there is no clock, see `Simulation.leg_phase`.
+    None if no reward or observation term needs foot contacts.
+    """
+    foot_height: Components[ScalarOrBatch] | None = None
+    """Height of the underside of each foot above the terrain below it, (4), m.
+
+    None if no reward or observation term needs foot heights.
+    """
+    foot_speed: Components[ScalarOrBatch] | None = None
+    """Horizontal speed of each foot over the last control step, world frame, (4), m/s.
+
+    None if no reward or observation term needs foot speeds.
+    """
+    leg_phase: Components[ScalarOrBatch] | None = None
+    """Phase of each leg in the gait clock of the learner, (4), rad.
+
+    The leg should swing from 0 to π, and stand from π to 2π. None if there is no gait clock, see
+    `Simulation.leg_phase`.
     """
     home_pose: Sequence[float] = ()
     """Joint angles of the home pose, (12), rad."""
@@ -86,12 +96,12 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
     @property
     def mechanical_power(self) -> ScalarOrBatch:
-        """Mechanical power Σ ‖torque · joint speed‖ over the joints, W."""
+        """Mechanical power Σ |joint torque · joint velocity| over the joints, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 
 def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrBatch]:
-    """Convert a `quaternion` (w, x, y, z), which need not be normalised, to a rotation matrix."""
+    """Convert a `quaternion` (w, x, y, z), of any length above 0, to the matrix of the same rotation."""
     w, x, y, z = quaternion
     norm = sqrt(w * w + x * x + y * y + z * z)
     w = w / norm

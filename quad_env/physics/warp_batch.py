@@ -1,4 +1,7 @@
-"""Interface to MuJoCo Warp, which simulates n robots on a GPU, if there is one; for training only."""
+"""Interface to MuJoCo Warp, which simulates n robots on a GPU, or on a CPU if there is no GPU.
+
+Only training may use this interface; evaluation uses MuJoCo or Drake.
+"""
 
 import copy
 from collections.abc import Callable
@@ -94,7 +97,7 @@ class WarpBatch(ArrayBatch):
         """
         if self._is_model_stale:
             self._upload_expanded_fields()
-        run = self._compiled_steps(nstep)  # before the upload, because the compilation steps the robots
+        run = self._compiled_steps(nstep)  # before the state is uploaded, because compiling steps the robots
         self._upload_state()
         run()
         self._download_state(slice(None) if ids is None else ids)

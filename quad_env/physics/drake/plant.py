@@ -1,4 +1,4 @@
-"""Converter of a compiled MuJoCo model to a Drake plant: one robot on a ground of planes and boxes."""
+"""Converter of a compiled MuJoCo model (a robot on planes and boxes) to a plant, Drake's multibody model."""
 
 import logging
 from collections.abc import Iterator
@@ -28,11 +28,14 @@ With this value a contact under half of the robot's weight is critically damped,
 at most 1/d, which is 0.1 m/s.
 """
 _STICTION_SPEED = 0.01
-"""Joint speed below which the dry friction of a joint is viscous, rad/s; a smaller value is closer to Coulomb's law."""
+"""Joint speed below which the dry friction of a joint is proportional to the speed, rad/s.
+
+A smaller value is closer to Coulomb's law.
+"""
 _PLANE_SIZE = 1000.0
 """Edge length of the cube that replaces the ground plane if the ground also has boxes, m.
 
-The plane is replaced, because Drake 1.51 crashes with half spaces among many geometries.
+The plane is replaced, because Drake 1.51 crashes if there is a half space among many geometries.
 """
 
 
@@ -46,9 +49,9 @@ class Plant:
     geoms: dict[int, int]
     """Drake's id of each collision geometry -> MuJoCo's id of the geom."""
     hinges: EnvIndices
-    """Index of each joint, in MuJoCo's order, among Drake's joint positions and joint velocities."""
+    """Index of each joint, in MuJoCo's order, among Drake's joint positions and joint velocities, (12,)."""
     servos: EnvIndices
-    """Index of each servo, in MuJoCo's order, among Drake's actuators."""
+    """Index of each servo, in MuJoCo's order, among Drake's actuators, (12,)."""
 
 
 def build_plant(model: mujoco.MjModel) -> Plant:
@@ -152,12 +155,13 @@ def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int)
 def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
     """Add the dry friction of joints to the Drake plant, as velocity servos with target 0.
 
-    The torque of a servo is limited to the friction torque. `joints` are the Drake joints in MuJoCo's order.
+    A velocity servo with the target 0 brakes the joint; its torque is limited to the friction torque. `joints` are the
+    Drake joints in MuJoCo's order.
     """
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
-            brake.set_default_rotor_inertia(armature)  # because Drake uses the last actuator of a joint
+            brake.set_default_rotor_inertia(armature)  # because Drake uses the rotor inertia of a joint's last actuator
             brake.set_controller_gains(tree.PdControllerGains(p=0.0, d=torque / _STICTION_SPEED))
 
 
