@@ -1,4 +1,4 @@
-"""Support of command-line programs: options, one-line errors, exit codes, Ctrl-C, number formats, progress.
+"""Support of command-line programs: options, errors, exit codes, Ctrl-C, number formats and progress.
 
-It also contains the subprocess that reads users' files with limits on time and memory.
+The package also contains the subprocess that reads users' files with limits on time and memory.
 """

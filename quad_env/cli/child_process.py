@@ -1,4 +1,4 @@
-"""Support of child processes, which simulate or train in parallel.
+"""Start and end of child processes, which simulate or train in parallel, and a clock of their run time.
 
 A child process ignores Ctrl-C and ends together with its parent. A watchdog kills a child process that runs too long.
 """
@@ -16,7 +16,7 @@ from typing import Any
 
 
 def available_cores() -> int:
-    """Return the number of processor cores on which this process may run; it limits the child processes."""
+    """Return the number of processor cores on which this process and its child processes may run."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -24,9 +24,9 @@ def available_cores() -> int:
 def without_ctrl_c() -> Iterator[None]:
     """Return a context manager; child processes that are started in its `with` block never receive Ctrl-C.
 
-    They do not receive Ctrl-C even while they import their modules. If Ctrl-C is pressed within the block, this process
-    receives it at the end of the block. On Windows, the child processes receive Ctrl-C until they call
-    `exit_with_parent`.
+    The child processes do not even receive Ctrl-C while they import their modules. If Ctrl-C is pressed within the
+    block, this process receives it at the end of the block. On Windows, the child processes receive Ctrl-C until they
+    call `exit_with_parent`.
     """
     if sys.platform == "win32":
         yield
@@ -43,11 +43,11 @@ def without_ctrl_c() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_main(content: bytes) -> Iterator[None]:
-    """Return a context manager; child processes that are spawned in it do not run the main script again.
+    """Return a context manager; child processes that are spawned in its block do not run the main script.
 
     `multiprocessing` runs the main script in each spawned process. A user's script may lack the guard
-    `if __name__ == "__main__"`, and would then start child processes without end. `content` is the pickled argument of
-    the child processes; the main script is run as usual if `content` refers to it.
+    `if __name__ == "__main__"`, and would then start child processes endlessly. `content` is the pickled argument of
+    the child processes. If `content` refers to the main script, they run the main script as usual.
     """
     main: Any = sys.modules["__main__"]
     if b"__main__" in content:
@@ -140,13 +140,13 @@ class RunClock:
 
 
 def _waiting_times(tasks: str) -> dict[str, float]:
-    """Return the time that each thread of a process was ready to run while other programs had the processor.
+    """Return the time in which each thread of a process was ready, but other programs had the processor.
 
     Args:
         tasks: Folder of the process's threads, `/proc/<pid>/task`.
 
     Returns:
-        Id of a thread -> waiting time since its start, s. The dictionary is empty if the system does not report it.
+        Id of a thread -> waiting time since its start, s. The dictionary is empty if the system reports no time.
     """
     times = {}
     with contextlib.suppress(OSError):  # The folder does not exist if the process has ended or the system is not Linux.

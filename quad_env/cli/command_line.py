@@ -1,4 +1,4 @@
-"""Parsing of command lines into option dataclasses with tyro, with --help and one-line error messages."""
+"""Parser of command lines into option dataclasses (package tyro), with --help and one-line errors."""
 
 import contextlib
 import difflib
@@ -26,12 +26,12 @@ SYNONYMS = (
     ("policies", "policy", "model", "models", "checkpoint"),
     ("seed", "random_seed"),
 )
-"""Groups of option names with the same meaning, as field names.
+"""Groups of option names with the same meaning, written as field names.
 
-Names of other programs are included: if a user types one of them, the error message suggests our name.
+The groups include option names of other programs. If a user types one of them, the error message suggests our name.
 """
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
-"""Pairs of singular and plural of option names; a user may type either form."""
+"""Option names in singular and plural; a user may type either form."""
 _BOX_RULE = re.compile(r"[─-]{3,}")
 """Pattern of the horizontal rule of the box that tyro prints around an error message."""
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
@@ -44,11 +44,11 @@ The first group is the name of the option. The second group is the error about t
 
 
 class UserError(Exception):
-    """Error that a user can correct; the message is one line with the remedy, printed without a traceback."""
+    """Error that a user can correct; the message, one line with the remedy, is printed without a traceback."""
 
 
 class UsageError(UserError):
-    """Error in the words of a command line; the message is one line with the remedy."""
+    """Error in the options of a command line, such as an unknown option; the message is one line with the remedy."""
 
 
 def parse(
@@ -89,7 +89,9 @@ def parse(
 
 
 def _check_values(words: list[str], program: str) -> None:
-    """Raise UsageError if a word of a command line, or a value after `=`, is empty: no option accepts that.
+    """Raise UsageError if a word of a command line, or a value after `=`, is empty.
+
+    No option accepts an empty value.
 
     Args:
         words: Words of the command line.
@@ -130,9 +132,9 @@ def _suggestion(kind: type, complaint: str) -> str:
 
 
 def _whole_number_rule(option: Any) -> Any:
-    """Return a tyro rule that parses the value of an integer option, and also accepts `1e6`.
+    """Return a tyro rule that parses the value of an integer option; the rule also accepts `1e6`.
 
-    None is returned if `option` has another type, so that tyro uses its own rule.
+    If `option` has another type, the function returns None, so that tyro uses its own rule.
     """
     import tyro
 
@@ -156,16 +158,16 @@ def _whole_number_rule(option: Any) -> Any:
 
 
 def normalise_option_names(kind: type, words: list[str]) -> list[str]:
-    """Replace `--policy` by `--policies` in a command line, or the reverse, to match the options of a command.
+    """Replace singular option names in a command line by plural ones, or the reverse, to match a command.
 
-    `--scenario` and `--scenarios` are replaced in the same way.
+    For example, `--policy` becomes `--policies` if the command has only the option `--policies`.
 
     Args:
         kind: Dataclass of the command's options.
         words: Words of the command line.
 
     Returns:
-        The words, with the option names that the dataclass has.
+        The words of the command line, with the option names that the dataclass has.
     """
     known = {field.name for field in fields(kind)}
     known_forms: dict[str, str] = {}
@@ -188,7 +190,7 @@ def first_sentence(box: str) -> str:
     """
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
-    # Skip the rule below the title, which tyro draws if the terminal cannot draw boxes.
+    # The horizontal rule below the title is skipped; tyro draws it if the terminal cannot draw boxes.
     below = itertools.dropwhile(_BOX_RULE.fullmatch, lines)
     sentence = " ".join(itertools.takewhile(lambda line: not _BOX_RULE.search(line), below)).rstrip(".")
     if optional := _OPTIONAL.fullmatch(sentence):
@@ -197,7 +199,7 @@ def first_sentence(box: str) -> str:
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
-    """Check that the numbers of options are within their limits. An option that is None is valid.
+    """Check that the numbers of options are within their limits; an option that is None is valid.
 
     Args:
         options: Instance of an option dataclass; the checked fields are numbers, tuples of numbers or None.
@@ -215,7 +217,7 @@ def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], gr
 
 
 def make_folder_of(file: Path, option: str) -> None:
-    """Make the folder of an output file before a command starts its work, so that errors come early.
+    """Make the folder of an output file before a command starts its work, so that errors occur early.
 
     Args:
         file: Path of the output file.
@@ -233,9 +235,10 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Make stdout and stderr print `?` for characters outside of their encoding, instead of raising an error.
+    """Make stdout and stderr print `?` for characters that their encoding does not contain.
 
-    The environment variable COLUMNS is deleted if it says that the terminal has a width of zero.
+    Without this change, Python would raise an error. The environment variable COLUMNS (width of the terminal) is
+    deleted if it is zero.
     """
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]

@@ -7,22 +7,22 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import NamedTuple
 
 ABSENT = "–"
-"""Text that is shown in place of a number that does not exist, such as NaN: a dash."""
+"""Text in place of a number that is NaN or infinite, or does not exist: a dash."""
 MINUS = "−"
-"""Typographic minus sign, which formatted numbers have in place of the hyphen."""
+"""Typographic minus sign, which replaces the hyphen in formatted numbers."""
 NO_BREAK = "\u00a0"
 """Non-breaking space, which keeps a number and its unit on one line."""
 SIGNIFICANT_DIGITS = 10
 """Number of significant digits to which `number` rounds a float before it rounds to decimals.
 
-This removes the floating-point error, which would round some halves in the wrong direction.
+The first rounding removes the floating-point error, because of which some halves would be rounded down.
 """
 _WIDE = Context(prec=400)
-"""Decimal context with enough digits to represent every float."""
+"""Decimal context with 400 digits, which are enough to write the largest float with decimals."""
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Format a number with a fixed number of decimals; a dash if it is not finite.
+    """Format a number with a fixed number of decimals; a dash if the number is not finite.
 
     Halves are rounded away from zero, and the minus sign is the character MINUS.
 
@@ -35,8 +35,8 @@ def number(value: float, digits: int = 3) -> str:
     """
     if not math.isfinite(value):
         return ABSENT
-    # Remove the floating-point error first, because 57 of 200 are 28.5 %, but the float is slightly less and would
-    # round down.
+    # The floating-point error is removed first: 57 of 200 are 28.5 %, but the float is slightly less, and so would be
+    # rounded down.
     exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")
     text = f"{exact.quantize(Decimal(1).scaleb(-digits), ROUND_HALF_UP, _WIDE):f}"
     if float(text) == 0.0:
@@ -112,7 +112,7 @@ def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
-    """Format a number and its confidence interval so that the largest has four significant digits.
+    """Format a number and its confidence interval so that the largest of the three has four digits.
 
     Args:
         value: The number.
@@ -141,7 +141,7 @@ def _needed_decimals(ends: tuple[float, float], digits: int) -> int:
 
 
 def percent(share: float) -> str:
-    """Format the fraction `share`, 0 to 1, in per cent: one decimal below 10 %, else none; a dash for NaN."""
+    """Format the fraction `share`, 0 to 1, in per cent: one decimal below 10 %, otherwise none; a dash for NaN."""
     if not math.isfinite(share):
         return ABSENT
     value = 100.0 * share

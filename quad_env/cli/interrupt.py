@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C in a long loop: the first Ctrl-C stops the loop cleanly, the second ends the process.
+"""Handler of Ctrl-C in a loop: the first Ctrl-C stops the loop cleanly, the second ends the process.
 
 The first Ctrl-C sets a flag that the loop checks. The signal handler itself raises no KeyboardInterrupt, because Python
 discards exceptions inside callbacks and finalisers.

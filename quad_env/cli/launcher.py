@@ -1,4 +1,4 @@
-"""Start and end of the command-line programs: Ctrl-C, closed pipes and too little memory give no traceback.
+"""Start and end of command-line programs, in which Ctrl-C and a closed pipe give no traceback.
 
 The module `__main__` of a program calls `leave_on_interrupt` before its slow imports, and then `launch`. The program
 calls `raise_on_interrupt` once everything is imported and it can save its results. This module imports only parts of
@@ -20,9 +20,9 @@ INTERRUPTED = 130
 FAILED = 2
 """Exit code of a program after an error of the user, such as an unknown option, or of the system."""
 NOTHING_KEPT = "interrupted: no further file was written"
-"""Line that is printed on stderr if Ctrl-C ends a program that has saved no results."""
+"""Line on stderr if Ctrl-C ends a program that has not saved any results."""
 ROOT = Path(__file__).resolve().parents[2]
-"""Path of the clone of the project; if only `quad_env` is installed, the folder that contains it."""
+"""Path of the clone of the project; if only `quad_env` is installed, the folder that contains this package."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
 """True if this code is in a clone of the project, False if only the package `quad_env` is installed."""
 _MEMORY_SIGNS = (
@@ -31,11 +31,11 @@ _MEMORY_SIGNS = (
     "failed to map segment",  # This message occurs when a shared library is loaded.
     "can't start new thread",  # This is a message of Python if there is no memory for the stack of a thread.
 )
-"""Texts that identify an error message about too little memory, in lower case."""
+"""Texts in lower case; an error message that contains one of them is about too little memory."""
 _UNKNOWN_CPP_ERROR = "caught an unknown exception"
-"""Text in the message of MuJoCo's compiler about any unexpected error.
+"""Text in the message of MuJoCo's model compiler about any unexpected error.
 
-One of these errors is that too little memory is left to start a thread.
+Its cause may be that too little memory is left to start a thread.
 """
 _BLAS_BUFFER = 2**26
 """Largest memory that OpenBLAS allocates at its first large matrix product, byte."""
@@ -44,14 +44,14 @@ OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimi
 
 
 def leave_on_interrupt() -> None:
-    """Make Ctrl-C end this process at once from now on; too little memory is then reported in one line.
+    """Make Ctrl-C end this process at once from now on, and report too little memory in one line.
 
     A program calls this function before its slow imports. No KeyboardInterrupt is raised, because during an import it
     can turn into an ImportError or be discarded.
     """
     sys.excepthook = _handle_uncaught
     save_memory_where_limited()
-    # Keep the signal handler of a background job, because its shell has made it ignore Ctrl-C.
+    # A background job keeps its signal handler, because its shell has made it ignore Ctrl-C.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _handle_interrupt)
 
@@ -91,7 +91,7 @@ def launch(main: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        if is_broken_pipe(error):  # This is no error, because programs such as `head` close the pipe when they end.
+        if is_broken_pipe(error):  # No error, because programs such as `head` close the pipe when they end.
             silence_stdout()
         elif error.errno == errno.ENOSPC:
             silence_stdout()
@@ -111,7 +111,7 @@ def launch(main: Callable[[], int]) -> int:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Return True if an error means that the program that reads our output has closed the pipe.
+    """Return True if `error` means that another program, which reads our output, has closed the pipe.
 
     Windows reports a closed pipe as an invalid argument.
     """
@@ -120,20 +120,20 @@ def is_broken_pipe(error: OSError) -> bool:
 
 
 def silence_stdout() -> None:
-    """Discard all further output on stdout, so that Python's flush at the end of the process does not fail."""
+    """Discard all further output on stdout, so that Python's flush at the end of the process cannot fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def exit_interrupted(text: str) -> NoReturn:
-    """End the process at once after Ctrl-C, with the line `text` on stderr."""
-    # Avoid Python's output buffers and exit handlers, because Ctrl-C may have interrupted a change of them.
+    """Print the line `text` on stderr, and end the process at once with the exit code INTERRUPTED."""
+    # Python's output buffers and exit handlers are not used, because Ctrl-C may have interrupted a change of them.
     shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # This sequence shows the cursor, which a progress bar hides.
     os.write(2, f"{shown_again}{text}\n".encode())
     os._exit(INTERRUPTED)
 
 
 def _handle_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Print one line if an uncaught exception is due to too little memory, else the traceback.
+    """Print one line for an uncaught exception that is due to too little memory, otherwise the traceback.
 
     This function is `sys.excepthook`. With too little memory, the process ends at once with the exit code FAILED.
 
@@ -154,7 +154,7 @@ def _handle_interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def memory_is_limited() -> bool:
-    """Return True if the operating system limits the memory of this process, such as by `ulimit -v`."""
+    """Return True if the operating system limits the memory of this process, for example by `ulimit -v`."""
     if sys.platform == "win32":
         return False
     import resource

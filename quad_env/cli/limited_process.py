@@ -1,6 +1,6 @@
-"""Calls of functions in a subprocess with limits on time and memory, for reading users' files.
+"""Calls of functions in a subprocess with limits on time and memory, in order to read users' files.
 
-A file that crashes a library, or takes too long, then ends only the subprocess. One subprocess executes all calls in
+If a file crashes a library or takes too long to read, only the subprocess ends. One subprocess executes all calls in
 order and ends after an idle time, see `limited_server`. The operating system limits the processor time of each call on
 Linux and macOS, and the memory on Linux (`resource.setrlimit`). The calling process limits the run time. If no
 subprocess can be started, such as in a sandbox, functions are called in the calling process, without limits.
@@ -37,14 +37,17 @@ from quad_env.cli.limited_protocol import (
 __all__ = ["MEMORY", "READ_FILES", "TIME", "CrashError", "LimitExceededError", "call", "end_process", "read_limited"]
 
 READ_FILES = "QUAD_ENV_READ_FILES"
-"""Name of the environment variable with digests of the files that the subprocess has already read.
+"""Name of the environment variable with hash digests of the files that the subprocess has already read.
 
-These files are not read again in a subprocess; child processes inherit the variable.
+These files are not read again in a subprocess. Child processes inherit the variable.
 """
 _MAX_READ_FILES = 200
-"""Largest number of older digests that are kept when a digest is added to the variable READ_FILES."""
+"""Maximum number of older digests of files that stay in the variable READ_FILES when a digest is added."""
 _IS_LIMITED = "QUAD_ENV_LIMITED"
-"""Name of the environment variable that is set only in the subprocess, so that it starts no other one."""
+"""Name of the environment variable that is set only in the subprocess.
+
+Because of this variable, the subprocess calls functions itself and does not start another subprocess.
+"""
 _GRACE_TIME = 2.0
 """Time that is added to the limit of the processor time to get the limit of the run time of a call, s.
 
@@ -59,15 +62,16 @@ _PROGRAM = "import sys; from quad_env.cli.limited_server import serve; serve()"
 
 
 class _UnavailableError(Exception):
-    """Error that no subprocess can be started; the function is then called in this process, without limits."""
+    """Error: no subprocess can be started, so that the function is called in this process, without limits."""
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
     """Call `function(*arguments)` in a subprocess with limits on time and memory, and return the result.
 
     The subprocess imports the function by module and name. Arguments and result must be picklable. A call that takes
-    too much time or memory raises LimitExceededError, and a call that ends its process raises CrashError. An exception
-    of the function is raised here, too; a RuntimeError with its text replaces an exception that cannot be pickled.
+    too much time or memory raises LimitExceededError, and a call that ends its process raises CrashError. If the
+    function raises an exception, it is raised here, too. If the exception cannot be pickled, a RuntimeError with the
+    same text is raised instead.
     """
     if os.environ.get(_IS_LIMITED):
         return function(*arguments)
@@ -82,10 +86,10 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = True) -> Any:
-    """Call a function that reads a user's file; a new file is read in a subprocess with limits, see `call`.
+    """Call a function that reads a user's file; a new file is read in a subprocess with limits.
 
     If the subprocess has already read this version of the file without error, the function is called in this process.
-    Child processes inherit the list of these files. The exceptions are the same as in `call`.
+    Child processes inherit the list of files that have been read. The exceptions are the same as in `call`.
 
     Args:
         function: Function that takes the path and reads the file.
@@ -147,7 +151,7 @@ class _Process:
         self._messages.put(None)
 
     def send(self, question: Question) -> None:
-        """Send the request `question` to call a function. Raises OSError if the subprocess has ended."""
+        """Send `question`, a request to call a function; OSError is raised if the subprocess has ended."""
         stream: Any = self.process.stdin
         send(stream, question)
 
@@ -165,7 +169,7 @@ class _Process:
                 return self._messages.get()
 
     def close(self) -> int:
-        """Kill the subprocess, close its pipes, and return its exit code (negative: the signal that ended it)."""
+        """Kill the subprocess, close its pipes, and return its exit code; minus the signal number after a signal."""
         self.process.kill()
         code = self.process.wait()
         for stream in (self.process.stdin, self.process.stdout):
@@ -187,7 +191,7 @@ def _ask(question: Question) -> Any:
     """
     global _running
     running = _running
-    if running is None or not _begin(running, question):  # The subprocess may have ended because it was idle.
+    if running is None or not _begin(running, question):  # An idle subprocess may have ended.
         end_process()
         running = _running = _Process()
         if not _begin(running, question):
@@ -266,7 +270,7 @@ def end_process() -> int:
 
 
 def _forget_process() -> None:
-    """Forget the subprocess in a process that was forked from this one, because it belongs to the parent.
+    """Forget the subprocess in a process that was forked from this one, because it is the parent's subprocess.
 
     The operating system's fork hook calls this function in each forked process.
     """

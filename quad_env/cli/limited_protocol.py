@@ -1,7 +1,7 @@
-"""Messages between a process and the subprocess that reads users' files with limits on time and memory.
+"""Messages to and from the subprocess that reads users' files with limits on time and memory.
 
-A `Question` asks the subprocess to call a function; the answer is the result or a `ProcessFailure`. Each message is
-transmitted as its size in bytes, followed by a pickled object.
+This module defines, sends and receives the messages. A `Question` requests that the subprocess calls a function; the
+answer is the result or a `ProcessFailure`. Each message is transmitted as its size in bytes and a pickled object.
 """
 
 import os
@@ -15,33 +15,33 @@ TIME = "QUAD_ENV_READ_TIME"
 MEMORY = "QUAD_ENV_READ_MEMORY"
 """Name of the environment variable with the limit on the memory for reading one file, MiB."""
 _PROCESSOR_TIME = 5
-"""Default limit on the processor time for reading one file, s. The largest published models take 2 s."""
+"""Default limit on the processor time for reading one file, s; the largest published robot models take 2 s."""
 _MEMORY = 1024
-"""Default limit on the memory for reading one file, MiB. The largest published models take 300 MiB."""
+"""Default limit on the memory for reading one file, MiB; the largest published robot models take 300 MiB."""
 READY = "ready"
 """First message of the subprocess that reads users' files: it has started and waits for requests."""
 BEGUN = "begun"
-"""Message of the subprocess that reads users' files: the function is imported and is called next."""
+"""Message of the subprocess that reads users' files, after a request: it now calls the imported function."""
 _HEADER = struct.Struct("<Q")
-"""Format of the header of each message: the size of the pickled object, byte."""
+"""Format of the header of each message: the size of the pickled object, bytes, as a 64-bit integer."""
 
 
 class LimitExceededError(RuntimeError):
-    """Error that reading a user's file took more time or memory than the limit.
+    """Error: the reading of a user's file took more time or memory than the limit.
 
     The message names the limit and the environment variable that raises it.
     """
 
 
 class CrashError(RuntimeError):
-    """Error that reading a user's file ended its process, for example by a segmentation fault.
+    """Error: the reading of a user's file ended the reading process, for example by a segmentation fault.
 
     The message names the signal or the exit code.
     """
 
 
 def _working_folder() -> str:
-    """Return the path of the working folder of this process; "" if the folder has been deleted."""
+    """Return the path of this process's working folder; an empty string if the folder has been deleted."""
     try:
         return os.getcwd()
     except OSError:
@@ -74,9 +74,9 @@ class Question:
     arguments: tuple[Any, ...]
     """Picklable arguments with which the function is called."""
     folder: str = field(default_factory=_working_folder)
-    """Working folder of the caller, in which relative paths are resolved; "" if it has been deleted.
+    """Working folder of the caller, from which relative paths start; empty if the folder has been deleted.
 
-    The subprocess may have started in another folder.
+    The subprocess changes to this folder, because it may have started in another folder.
     """
     seconds: int = field(default_factory=lambda: _limit(TIME, _PROCESSOR_TIME))
     """Limit on the processor time of the call, s."""
@@ -86,14 +86,14 @@ class Question:
 
 @dataclass(frozen=True)
 class ProcessFailure:
-    """Answer of the subprocess to a request if the called function raised an exception."""
+    """Answer of the subprocess to a request if the called function raised an exception or exceeded its memory."""
 
     error: Exception
-    """Exception of the function, which the calling process raises again."""
+    """Exception that the calling process raises."""
 
 
 def send(stream: BinaryIO, value: Any) -> None:
-    """Send a picklable object to the other process. Raises OSError if the other process has ended.
+    """Send a picklable object to the other process; OSError is raised if the other process has ended.
 
     Args:
         stream: Pipe to the other process.
@@ -114,7 +114,7 @@ def receive(stream: BinaryIO) -> Any:
 
 
 def _read_exactly(stream: BinaryIO, size: int) -> bytes:
-    """Return the next `size` bytes of the pipe `stream`. Raises EOFError if the pipe ends before."""
+    """Return the next `size` bytes of the pipe `stream`; EOFError is raised if the pipe ends before."""
     content = b""
     while len(content) < size:
         if not (part := stream.read(size - len(content))):

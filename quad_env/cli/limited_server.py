@@ -1,6 +1,7 @@
 """Program of the subprocess that reads users' files within limits on processor time and memory.
 
-It receives requests to call functions, and answers each with the result or the exception, see `limited_protocol`.
+The program receives requests to call functions, and answers each request with the result or the exception of the
+function. The module `limited_protocol` defines these messages.
 """
 
 import contextlib
@@ -26,11 +27,11 @@ from quad_env.cli.limited_protocol import (
 from quad_env.files.text import format_exception
 
 _IDLE_TIME = 30.0
-"""Time after which the subprocess ends if no request has arrived, s."""
+"""Time after which the subprocess ends if it has received no request, s."""
 _MAX_RETAINED_MEMORY = 2**28
-"""Largest memory of a call after which the subprocess waits for the next request, byte.
+"""Memory of a call above which the subprocess ends after the call, bytes.
 
-After a call that took more memory, the subprocess ends, because this memory may stay allocated.
+The subprocess ends, because the memory may stay allocated. Otherwise it waits for the next request.
 """
 
 
@@ -41,7 +42,7 @@ def serve() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # Prints go to stderr, which the parent discards, because stdout transmits the messages.
+    os.dup2(2, 1)  # Printed text goes to stderr, which the parent discards, because stdout transmits the messages.
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     send(answers, READY)
     with contextlib.suppress(EOFError, OSError):
@@ -51,14 +52,14 @@ def serve() -> None:
 
 
 def _serve_question(question: Question, answers: BinaryIO) -> int:
-    """Call the function that a request names, send the answer, and return the memory of the call, byte.
+    """Call the function that a request names, send the answer, and return the memory of the call, bytes.
 
     Args:
         question: The request, with its limits on time and memory.
         answers: Pipe to the calling process.
 
     Returns:
-        Increase of the peak memory of this process during the call, byte.
+        Increase of the peak memory of this process during the call, bytes.
     """
     function: Any = importlib.import_module(question.module)
     for part in question.name.split("."):
@@ -76,7 +77,10 @@ def _serve_question(question: Question, answers: BinaryIO) -> int:
 
 
 def _has_question(questions: BinaryIO) -> bool:
-    """Return True if a request arrives in the pipe `questions` within `_IDLE_TIME`; always True on Windows."""
+    """Wait for a request in the pipe `questions`, and return False if none arrives within `_IDLE_TIME`.
+
+    On Windows, the function returns True at once.
+    """
     if sys.platform == "win32":
         return True
     import select
@@ -113,7 +117,7 @@ def _memory_error(question: Question) -> LimitExceededError:
 
 
 def _peak_memory() -> int:
-    """Return the peak memory of this process since its start, byte; 0 on Windows, which does not report it."""
+    """Return the peak memory of this process since its start, bytes; 0 on Windows, which does not report it."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -144,7 +148,7 @@ def _set_limit(kind: int, value: int) -> None:
 
     Args:
         kind: The resource, a constant such as `resource.RLIMIT_CPU`.
-        value: New limit, in the unit of the resource: s or byte.
+        value: New limit, in the unit of the resource: s or bytes.
     """
     import resource
 

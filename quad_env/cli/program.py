@@ -1,4 +1,4 @@
-"""Command-line programs with several commands: choice of the command, exit codes, one-line error messages.
+"""Command-line programs with several commands: they run the chosen command, and report errors in a line.
 
 A command is a module with a function `main(options)` that returns the exit code. The annotation of the parameter is a
 frozen dataclass; each field is an option, and --help shows the strings below the fields. `main` raises UserError or
@@ -21,7 +21,7 @@ from quad_env.cli.launcher import FAILED, INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMO
 from quad_env.files.text import one_line
 
 HELP = {"-h", "--help"}
-"""Words on a command line that ask for help."""
+"""Words on a command line with which a user asks for the list of commands."""
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
 """Import names of the optional packages that the installation extra `train` installs."""
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
@@ -57,19 +57,19 @@ class Program:
     name: str
     """Command line that calls the program, such as `python -m train`."""
     commands: Mapping[str, Command]
-    """Name of a command, the first word after the program's name -> the command."""
+    """Name of a command -> the command; the user types the name after the program's name."""
     fallback: Callable[[list[str]], int] | None = None
     """Function that runs if the first word is no command; None if the first word must be a command.
 
     It takes all words and returns the exit code.
     """
     moved_commands: Mapping[str, str] = field(default_factory=dict)
-    """Name of a command of an older version -> text with its new call.
+    """Name of a command of an older version -> text with the present call of the command.
 
     An example of a text is "now `python -m research jump`".
     """
     note: str = ""
-    """Last line of the list of commands; empty for no such line."""
+    """Text of the last line in the list of commands; empty for no additional line."""
 
     def main(self, arguments: list[str] | None = None) -> int:
         """Run the command that the arguments name, and return the exit code.
@@ -120,7 +120,8 @@ class Program:
 def options_class(module: Any) -> type[Any]:
     """Return the dataclass with the options of a command; `module` is the module of the command.
 
-    It is the annotation of the parameter of `main`, or the module's class `Options` if there is no annotation.
+    The dataclass is the annotation of the parameter of `main`. If there is no annotation, it is the module's class
+    `Options`.
     """
     (parameter,) = inspect.signature(module.main).parameters.values()
     annotated = parameter.annotation is not inspect.Parameter.empty
@@ -147,7 +148,7 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _line_for(error: Exception) -> str:
-    """Return the one-line message about an error that the user can correct; raise any other error again."""
+    """Return the one-line message about `error` if the user can correct it; otherwise raise `error` again."""
     if isinstance(error, UserError):
         return str(error)
     if is_out_of_memory(error):
@@ -169,7 +170,7 @@ def _line_for(error: Exception) -> str:
 def format_os_error(error: Exception) -> str:
     """Return a message such as `cannot use FILE (Permission denied)` for an error of the operating system.
 
-    For any other error, its own message is returned.
+    For any other error, the function returns the message of the error.
     """
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)

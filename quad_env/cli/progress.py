@@ -1,4 +1,4 @@
-"""Display of progress and remaining time on stderr: a bar on a terminal, else a line every few seconds."""
+"""Display of progress and remaining time on stderr: a bar on a terminal, otherwise a line at intervals."""
 
 import contextlib
 import itertools
@@ -12,14 +12,14 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 FIRST_LINE_TIME = 5.0
-"""Time from the start of the work to the first printed line of progress, s, if stderr is not a terminal."""
+"""Time from the start of a task to its first printed line of progress, s; for stderr that is no terminal."""
 LINE_PERIOD = 10.0
-"""Time between two printed lines of progress, s, if stderr is not a terminal."""
+"""Time between two printed lines of progress, s; lines are printed only if stderr is not a terminal."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
-"""Callback about the progress of a policy-scenario pair.
+"""Type of a callback that receives the progress of a policy-scenario pair of an evaluation.
 
-It is called with the name of the policy, the name of the scenario, and the completed fraction of the episodes, 0 to 1.
-The fraction 1 is passed exactly once per pair.
+Its arguments are the name of the policy, the name of the scenario, and the completed fraction of the episodes, 0 to 1.
+The callback is called with the fraction 1 exactly once per pair.
 """
 
 
@@ -27,8 +27,8 @@ The fraction 1 is passed exactly once per pair.
 def show_progress(total: int) -> Iterator[CellProgress]:
     """Return a context manager that displays the progress of an evaluation and the remaining time.
 
-    Several policy-scenario pairs may run at once. The completed fraction in the first report of a pair counts as work
-    of an earlier, interrupted evaluation, and the estimate of the remaining time ignores it.
+    Several policy-scenario pairs may run at once. The first reported fraction of a pair counts as work of an earlier,
+    interrupted evaluation, so the estimate of the remaining time ignores this fraction.
 
     Args:
         total: Number of policy-scenario pairs.
@@ -157,6 +157,6 @@ def show_waiting(description: str, first_line_time: float = FIRST_LINE_TIME) -> 
 
 
 def _print_line(line: str) -> None:
-    """Print a line on stderr; an error of the output is ignored."""
+    """Print `line` on stderr; an error of the output, such as a closed terminal, is ignored."""
     with contextlib.suppress(OSError):  # The task must continue even if its progress cannot be printed.
         print(line, file=sys.stderr, flush=True)

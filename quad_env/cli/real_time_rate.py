@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable
 
 MAX_LAG = 0.25
-"""Largest delay that the loop catches up by faster steps, wall time, s.
+"""Largest delay that a simulation loop catches up by faster steps, wall time, s.
 
-After a larger delay, the next step is due immediately, and the missed time is skipped.
+After a larger delay, the next step is due immediately, and the loop skips the missed time.
 """
 MEASURED_TIME = 1.0
-"""Wall time over which the speed of the loop is averaged, s."""
+"""Wall time over which the speed of a simulation loop is averaged, s."""
 
 
 class RealTimeRate:
@@ -53,6 +53,6 @@ class RealTimeRate:
             self._measured_since = self._clock()
 
     def resume(self) -> None:
-        """Make the next step due immediately after a pause, so that the loop does not catch up missed steps."""
+        """Make the next step due immediately, so that the loop does not catch up the steps of a pause."""
         self._due_time = self._measured_since = self._clock()
         self._step_count = 0

@@ -1,1 +1,1 @@
-"""Reading of files up to a size limit, atomic writing of files, and short texts that are safe to print."""
+"""Functions that read files up to a size limit, write files atomically, and make texts safe to print."""

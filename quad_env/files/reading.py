@@ -1,6 +1,6 @@
-"""Reading and parsing of users' files with limits on their size.
+"""Functions that read and parse users' files with limits on their size.
 
-A file that is too large, or is no regular file (such as a pipe), raises an error.
+They raise an error for a file that is too large or is no regular file, such as a pipe.
 """
 
 import errno
@@ -15,13 +15,13 @@ from typing import Any
 from quad_env.files.text import brief
 
 MAX_TEXT_SIZE = 64 * 2**20
-"""Largest size of a text file that is read, such as a robot model or a Python script, byte."""
+"""Largest size of a text file that is read, such as a robot model or a Python script, bytes."""
 MAX_DATA_SIZE = 4 * 2**30
-"""Largest size of a data file that is read, such as a table of results or a checkpoint, byte."""
+"""Largest size of a data file that is read, such as a table of results or a checkpoint, bytes."""
 MAX_TOML_SIZE = 2**17
-"""Largest size of a TOML file that is parsed, byte.
+"""Largest size of a TOML file that is parsed, bytes.
 
-The limit is needed because the time of Python's TOML parser grows with the square of the size.
+The limit is needed, because the time of Python's TOML parser grows with the square of the size.
 """
 MAX_KEY_PARTS = 20
 """Largest number of parts of a dotted TOML key such as `a.b.c`; the limit bounds the parsing time."""
@@ -30,16 +30,16 @@ _DELIMITERS = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Name of the environment variable with the largest valid size of a policy network file, MiB."""
 _NETWORK_MIB = 128
-"""Largest valid size of a policy network file if the environment variable NETWORK_LIMIT is not set, MiB.
+"""Default of the largest valid size of a policy network file, MiB; NETWORK_LIMIT names the variable to set it.
 
 Published policies have 0.1 to 20 MiB, or up to 100 MiB with an image encoder.
 """
 
 
 def max_network_size() -> int:
-    """Return the largest valid size of a policy network file, byte.
+    """Return the largest valid size of a policy network file, bytes.
 
-    The user can set it with the environment variable QUAD_ENV_LARGEST_NETWORK, MiB.
+    The user can set this size with the environment variable QUAD_ENV_LARGEST_NETWORK, MiB.
     """
     text = os.environ.get(NETWORK_LIMIT, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
@@ -51,7 +51,7 @@ def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
 
     Args:
         path: The file.
-        limit: Largest valid size, byte.
+        limit: Largest valid size, bytes.
 
     Returns:
         Content of the file.
@@ -70,7 +70,7 @@ def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
 
     Args:
         path: The file.
-        limit: Largest valid size, byte.
+        limit: Largest valid size, bytes.
 
     Raises:
         OSError: The file is missing, not regular, or larger than `limit`.
@@ -84,7 +84,7 @@ def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Parse the content of a JSON file, and return its value.
+    """Parse the content of a JSON file, and return the value, such as a dictionary.
 
     Invalid JSON, a duplicate key in an object, and objects that are nested too deeply raise ValueError.
     """
@@ -116,9 +116,9 @@ def parse_toml(content: bytes | str) -> dict[str, Any]:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Convert the keys and values of a JSON object to a dictionary. Raises ValueError for a duplicate key.
+    """Convert the keys and values of a JSON object to a dictionary; raise ValueError for a duplicate key.
 
-    `json.loads` calls this function for each object; by itself, it would accept duplicate keys.
+    `json.loads` calls this function for each object, because `json.loads` itself would accept duplicate keys.
     """
     values: dict[str, Any] = {}
     for name, value in pairs:

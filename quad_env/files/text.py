@@ -23,7 +23,7 @@ def one_line(text: str) -> str:
 
 
 def escape_control_characters(text: str) -> str:
-    """Return a text in which control characters are replaced by escapes such as `\\x1b`; line breaks are kept."""
+    """Replace control characters in `text` by escapes such as `\\x1b`; line breaks are kept."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
@@ -33,7 +33,7 @@ def brief(value: object, depth: int = 2) -> str:
     """Return a short text that shows a value from a user's file in an error message.
 
     A long string is cut, and only the first items of a list, tuple or dictionary are shown. `repr` is not used for
-    these, because its text could be endless: a list in a YAML file can contain itself.
+    lists, tuples and dictionaries, because its text could be endless: a list in a YAML file can contain itself.
 
     Args:
         value: The value, of any type.
@@ -64,6 +64,6 @@ def brief(value: object, depth: int = 2) -> str:
 def format_exception(error: BaseException) -> str:
     """Return type and message of an exception as one line, such as `ValueError: the message`.
 
-    The method `__str__` of an exception in a user's code can itself fail; the line says so in this case.
+    The method `__str__` of an exception in a user's code can itself fail; the line then says that it failed.
     """
     return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

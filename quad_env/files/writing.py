@@ -1,4 +1,4 @@
-"""Atomic writing of files, and locks that reserve an output folder for one process."""
+"""Functions that write files atomically, and a lock that reserves an output folder for one process."""
 
 import contextlib
 import hashlib
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 class FolderInUseError(OSError):
-    """Error that another process writes to the same output folder; the message is one line with the remedy."""
+    """Error: another process writes to the same output folder; the message is one line with the remedy."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -23,7 +23,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         content: New content of the file.
 
     Raises:
-        BaseException: The writing failed; the temporary file has been deleted.
+        BaseException: The file could not be written; the temporary file has been deleted.
     """  # noqa: DOC502 -- a bare `raise`
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -50,7 +50,7 @@ def make_writable_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Return a context manager that reserves an output folder: no other process can reserve it at the same time.
+    """Return a context manager that reserves an output folder, so that no other process can reserve it.
 
     A missing folder raises OSError. The operating system releases the lock when the process ends, even after a crash.
     If the file system does not support locks, several processes can reserve the folder at once.
@@ -74,7 +74,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
     except Timeout:
         remedy = "wait until it ends, or name another folder with --out"
         raise FolderInUseError(f"{folder} is being written to by another process: {remedy}") from None
-    except OSError:  # The command continues without a lock, because the file system does not support locks.
+    except OSError:  # The command continues, because some file systems do not support locks.
         pass
     try:
         yield
