@@ -38,7 +38,7 @@ DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 The lower bound is 0, because the p-value of counts has only few possible values. If none of them is close to 5 %, fewer
 than 5 % of the tests are significant."""
 FALL_RATIO = 0.8
-"""Fall probability of the second policy of a pair, divided by the first policy's."""
+"""Ratio of fall probabilities in a pair of synthetic policies: second policy divided by first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
 """Lower and upper bound of the coverage of 95 % intervals that may be wider than necessary.
 

@@ -1,9 +1,9 @@
 """Validation of the rules that find the cause of a failed episode: `python -m research causes`.
 
 By default, the rules are applied to episodes that were made to fail for a known cause. `--films FOLDER` draws images of
-failed episodes from an evaluation, so that a person can judge the causes. The causes by the rules are written to
-`key.csv` next to the folder, so that the person does not see them. `--reading FILE` compares the causes by the person,
-in FILE, with the causes by the rules.
+failed episodes from an evaluation, so that a person can judge the causes. It writes the causes by the rules to the file
+key.csv next to the folder, so that the person does not see them. `--reading FILE` compares the causes by the person, in
+FILE, with the causes by the rules.
 """
 
 import csv

@@ -4,9 +4,9 @@ The results are written to docs/results/sliding.csv. MuJoCo's friction model is 
 with the friction coefficient µ. It has a side effect: a body that slides at the velocity v also rises, at up to µ v.
 In a time step h, the upward velocity grows by up to µ b v h. The rate b = 2 / (dmax timeconst), 1/s, follows from the
 contact parameters `solimp` (dmax) and `solref` (timeconst). A landing foot stops slipping at the same rate b. One of
-the settings is exact Coulomb friction, with which a sliding ball does not rise. It reduces the reference acceleration
-of each contact along the normal by µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential method,
-Math. Comput. Modelling 28, 1998).
+the settings is exact Coulomb friction, with which a sliding ball does not rise. This setting reduces the reference
+acceleration of each contact along the normal by µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The
+bipotential method, Math. Comput. Modelling 28, 1998).
 """
 
 from collections.abc import Mapping

@@ -2,8 +2,8 @@
 
 The new parameters are compared with the present ones on the same validation episodes, which the search does not use.
 They replace the present parameters only if they are better. A search takes 26 minutes on one core, and three times as
-long for the policy mpc_wbc. A file that ends in .trials.jsonl has one line for each generation, with the candidates
-(parameter sets) and their costs.
+long for the policy mpc_wbc. A file that ends in .trials.jsonl has one line for each generation, with the parameter sets
+and their costs.
 """
 
 from dataclasses import dataclass
