@@ -132,8 +132,9 @@ def made_by(results: dict[str, Any]) -> str:
 def overview_lines(results: dict[str, Any]) -> list[str]:
     """Return the lines of a Markdown table of scores and effort, one row per policy, and its caption.
 
-    The caption also states the success on flat ground of the policies that have no score. `results` is the content of
-    results.json.
+    The score of a policy is its mean success over the disturbance axes (kinds of disturbance). Effort means measures
+    such as the cost of transport. The caption also states the success on flat ground of the policies that have no
+    score. `results` is the content of results.json.
     """
     scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}

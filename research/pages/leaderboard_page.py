@@ -81,6 +81,8 @@ def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, 
 def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[str]) -> Iterator[str]:
     """Yield the lines of the first table of the page: servo gains, success on every scenario, and effort.
 
+    Effort means measures such as the cost of transport.
+
     Args:
         results: Results of all policies on all scenarios.
         robots: Name of a policy -> robot with the servo gains that the policy uses.
@@ -112,6 +114,8 @@ def format_gains(robot: Robot) -> str:
 
 def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Iterator[str]:
     """Yield the lines of the table of a scenario: results, and differences from the reference policy.
+
+    The reference policy is the policy with which all other policies are compared.
 
     Args:
         results: Results of all policies on all scenarios.

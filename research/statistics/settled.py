@@ -216,6 +216,8 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
 def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[str]:
     """Create the Markdown table of the results of `simulate_runs`, with one row per battery.
 
+    A battery is a set of scenarios with synthetic policies.
+
     Args:
         batteries: Sets of scenarios, each with synthetic policies.
         runs: Number of simulated evaluations for each battery.

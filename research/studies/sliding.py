@@ -145,7 +145,8 @@ def main(options: SlidingOptions) -> int:
 def measure_sliding(setting: ContactSetting) -> dict[str, float]:
     """Measure the lift and the deceleration of two sliding bodies: a ball, and the robot in its home pose.
 
-    The ball has the radius of a foot and a quarter of the mass of the robot.
+    The lift is the largest height above the ground. The ball has the radius of a foot and a quarter of the mass of the
+    robot.
 
     Args:
         setting: Contact setting.
