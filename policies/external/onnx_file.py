@@ -38,7 +38,7 @@ PROBE_COUNT = 16
 TOLERANCE = 1e-5
 """Maximum difference between the network outputs of ONNX runtime and NumPy.
 
-It is a fraction of the authority, which is the limit of the correction by a residual policy.
+It is a fraction of the authority, which is the limit of the correction by a residual policy, or of a larger output.
 """
 _OPSET = 17
 """Version of the ONNX operator set in exported files; all supported ONNX runtimes can read it."""
@@ -86,7 +86,7 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 
 
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
-    """Return the largest absolute difference between the outputs of `act` and `network`.
+    """Return the largest difference between the outputs of `act` and `network`, relative to outputs larger than 1.
 
     Both are called with `count` random inputs. The result is infinite if the shapes of the outputs differ, and NaN if
     an output is NaN.
@@ -95,7 +95,8 @@ def _max_difference(act: ActFunction, network: Network, count: int) -> float:
     corrections = np.array([act(row) for row in features])
     if corrections.shape != (count, network.sizes[-1]):
         return np.inf
-    return float(np.abs(corrections - network(features)).max())
+    expected = network(features)
+    return float((np.abs(corrections - expected) / np.maximum(np.abs(expected), 1.0)).max())
 
 
 def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | None = None) -> float:

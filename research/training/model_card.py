@@ -127,7 +127,8 @@ def describe_correction(config: TrainConfig) -> str:
     """Describe in words how the policy corrects joint targets: base policy, rate, Hz, and limits, rad."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
-    return f"corrects `{config.base}` at {rate:g} Hz by at most {authority}"
+    amount = "by at most" if config.correction == "bounded" else "without limits, in units of"
+    return f"corrects `{config.base}` at {rate:g} Hz {amount} {authority}"
 
 
 def describe_mixture(config: TrainConfig) -> str:

@@ -7,9 +7,12 @@ import pytest
 
 import policies
 from policies.base import CONTROL_PERIOD, PolicyError
+from policies.bundle import save
 from policies.external import onnx_file
 from policies.external.reference import PolicyReference
 from policies.external.server import PolicyServer, make_server
+from policies.network import Network
+from policies.residual import ResidualPolicy
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
 
 onnx = pytest.importorskip("onnx")
@@ -77,6 +80,22 @@ def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path)
         answer = of.step(seen)
         np.testing.assert_array_equal(answer.actions, residual.act(seen))
         np.testing.assert_array_equal(answer.signals["correction"], residual.correction)
+
+
+def test_a_policy_without_bounds_and_with_large_outputs_is_exported(tmp_path: Path) -> None:
+    """Outputs of about 1000 differ by more than 1e-5 between two runtimes; the limit is relative to them."""
+    base = policies.make("stand")
+    rng = np.random.default_rng(0)
+    weights = [rng.normal(0.0, scale, shape).astype(np.float32) for scale, shape in ((1.0, (48, 64)), (30.0, (64, 12)))]
+    network = Network(tuple(weights), (np.zeros(64, np.float32), np.zeros(12, np.float32)))
+    policy = ResidualPolicy(base, network, np.full(12, 1e-3, np.float32), bounded=False)
+    save(tmp_path / "bundle", policy, {}, "unknown")
+    onnx_file.export_residual(tmp_path / "bundle", tmp_path / "policy.onnx", 50)
+    of, seen = served(tmp_path / "policy.onnx"), rng.standard_normal((3, OBSERVATION_SIZE)).astype(np.float32)
+    of.reset(3, 0)
+    policy.reset(3)
+    np.testing.assert_array_equal(of.step(seen).actions, policy.act(seen))
+    assert np.abs(policy.correction).max() > 100.0
 
 
 def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
