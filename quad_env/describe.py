@@ -76,7 +76,7 @@ def description_lines(robot: Robot) -> Iterator[str]:
 
 
 def _size_lines(robot: Robot) -> Iterator[str]:
-    """Yield the printed lines about a robot's mass, kg, legs, m, trunk, m, and servos."""
+    """Yield the printed lines about the mass, the sizes of legs and trunk, and the servos of a robot."""
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "

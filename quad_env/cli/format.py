@@ -186,7 +186,7 @@ def interval(ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def points_interval(ends: tuple[float, float]) -> str:
-    """Format an interval, `ends`, -1 to 1, as `1.5 … 4.0` in percentage points, with one decimal."""
+    """Format the interval `ends` of a difference of fractions, -1 to 1, in percentage points, as `1.5 … 4.0`."""
     return points_with(ends[0], ends).interval
 
 

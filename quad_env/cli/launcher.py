@@ -38,7 +38,7 @@ _UNKNOWN_CPP_ERROR = "caught an unknown exception"
 Its cause may be that too little memory is left to start a thread.
 """
 _BLAS_BUFFER = 2**26
-"""Largest memory that OpenBLAS allocates at its first large matrix product, byte."""
+"""Largest memory that OpenBLAS allocates at its first large matrix product, bytes."""
 OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimit -v` if there is one"
 """Message for the user about too little memory, with the remedy."""
 
@@ -173,7 +173,7 @@ def save_memory_where_limited() -> None:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Return True if an exception of any type, also of MuJoCo or a library, is due to too little memory."""
+    """Return True if an exception of any type, for example of MuJoCo, is due to too little memory."""
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return True
     if not isinstance(error, Exception):

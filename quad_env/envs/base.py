@@ -48,7 +48,7 @@ from quad_env.task.terminations import fall_reason_code
 
 
 class EnvKwargs(TypedDict, total=False):
-    """Types of the keyword arguments of both environments; `SimpleQuadEnv` describes the arguments."""
+    """Types of the keyword arguments that the single and the vector environment share; see `SimpleQuadEnv`."""
 
     config: TaskConfig | None
     actuator: str | Actuator
@@ -64,7 +64,7 @@ class EnvKwargs(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class EnvOptions:
-    """Values and defaults of the keyword arguments of an environment; `SimpleQuadEnv` describes them."""
+    """Values and defaults of the keyword arguments of an environment, which `SimpleQuadEnv` describes."""
 
     config: TaskConfig | None = None
     actuator: str | Actuator = "ideal"

@@ -106,7 +106,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
     @property
     def data(self) -> mujoco.MjData:
-        """New copy of the MuJoCo data at the present state, with all derived fields; writing has no effect."""
+        """New copy of the MuJoCo data at the present state; writing to it does not change the simulation."""
         return self.simulation.snapshot(0)
 
     def reset(

@@ -241,7 +241,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         """Start the next episode of the robots `env_ids`, (k,), and store their first observations.
 
         `fixed_commands` are the velocity commands of all robots for the whole episode, (n, 3); forward m/s, lateral
-        m/s, yaw rate rad/s. If it is None, the commands are drawn at random.
+        m/s, yaw rate rad/s. If `fixed_commands` is None, the commands are drawn at random.
         """
         if not len(env_ids):
             return

@@ -14,7 +14,7 @@ _STATE_FIELDS = {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}
 class ArrayBatch:
     """Base class of the interfaces to Drake and MuJoCo Warp: arrays of states and outputs of n robots.
 
-    It implements the methods of `quad_env.physics.batch.Batch` that need no physics engine.
+    The class implements the methods of `quad_env.physics.batch.Batch` that do not need a physics engine.
 
     Args:
         model: Compiled model of every robot.
@@ -73,7 +73,7 @@ class ArrayBatch:
                 self._fields[field][robot] = getattr(self._data, field)
 
     def get_model(self, robot: int, model: mujoco.MjModel) -> None:
-        """Write the model fields of the robot with the index `robot` that differ between robots into `model`."""
+        """Write the values of the robot with index `robot` into all fields of `model` that robots do not share."""
         for field, values in self._expanded.items():
             getattr(model, field)[:] = values[robot]
 

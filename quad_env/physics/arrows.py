@@ -65,7 +65,7 @@ def _draw_ball(geom: mujoco.MjvGeom, ball: Ball) -> None:
 
 
 def _draw_arrow(geom: mujoco.MjvGeom, arrow: Arrow) -> bool:
-    """Set shape, position and colour of a scene's `geom` to the `arrow`; return False if it is too short."""
+    """Set shape, position and colour of a scene's `geom` to the `arrow`; return False if it is too short to draw."""
     start, end = np.array(arrow.start), np.array(arrow.end)
     if np.linalg.norm(end - start) < _MIN_LENGTH:
         return False

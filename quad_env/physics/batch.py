@@ -63,10 +63,13 @@ class Batch(Protocol):
         """
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Recompute the model constants of the robots `ids`, (k,), after a change of values from `expand`."""
+        """Recompute the model constants of the robots `ids`, (k,), after a change of arrays from `expand`.
+
+        MuJoCo computes these constants, such as inverse weights, from other model fields.
+        """
 
     def get_model(self, robot: int, model: Any) -> None:
-        """Write the model fields of the robot with the index `robot` that differ between robots into `model`."""
+        """Write the values of the robot with index `robot` into all fields of `model` that robots do not share."""
 
     def get_data(self, robot: int) -> Any:
         """Return a copy of the MuJoCo data of the robot with the index `robot`."""

@@ -28,7 +28,7 @@ class DynamicsTerms(NamedTuple):
     mass: Floats
     """Total mass of each robot, (n,), kg."""
     inertia: Floats
-    """Inertia matrix for the generalised velocity, including the rotor inertia of the joints, (n, 18, 18)."""
+    """Inertia matrix for the generalised velocity, with rotor inertias, (n, 18, 18), kg, kg·m and kg·m²."""
     bias_force: Floats
     """Bias force: generalised force at which the generalised acceleration is zero, (n, 18), N and N·m.
 
@@ -39,7 +39,7 @@ class DynamicsTerms(NamedTuple):
     jacobians: Floats
     """Jacobians that map the generalised velocity to the foot velocities, world frame, (n, 4, 3, 18)."""
     foot_bias_acceleration: Floats
-    """Accelerations of the feet at zero generalised acceleration, world frame, (n, 4, 3), m/s²."""
+    """Accelerations of the feet if the generalised acceleration is zero, world frame, (n, 4, 3), m/s²."""
     com_position: Floats
     """Position of the centre of mass, world frame, (n, 3), m."""
     com_velocity: Floats
@@ -63,7 +63,7 @@ class _MujocoModel(NamedTuple):
     data: Any
     mass: float
     feet: list[tuple[int, int]]
-    """Indices of the site of each foot and of the body with this site."""
+    """For each foot: MuJoCo's id of the site at its centre, and of the body with this site."""
     qpos: Any
     """Generalised positions in MuJoCo's order, (19,), which `Dynamics` writes before a computation."""
     qvel: Any

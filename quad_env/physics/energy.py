@@ -27,7 +27,7 @@ JOINT_READINGS = (
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Type of a function that returns the joint torques of k robots in the last physics step, (k, 12), N·m.
 
-Its arguments are the indices of the robots, and the change of the joint speeds in this physics step, (k, 12), rad/s.
+Its arguments are the indices of the robots, and the change of the joint velocities in this step, (k, 12), rad/s.
 """
 
 
@@ -35,9 +35,9 @@ class SubstepSample(NamedTuple):
     """Measurements of motors and foot forces of k robots in one physics step."""
 
     speed_before: Array
-    """Joint speeds before the physics step, (k, 12), rad/s."""
+    """Joint velocities before the physics step, (k, 12), rad/s."""
     speed_after: Array
-    """Joint speeds after the physics step, (k, 12), rad/s."""
+    """Joint velocities after the physics step, (k, 12), rad/s."""
     torque: Array
     """Torques that the joints received in the physics step, (k, 12), N·m."""
     foot_force: Array
@@ -65,7 +65,7 @@ class MotorMeter:
         self.speed_limit = np.full(robot.num_joints, robot.rated_speed if curve is None else curve.no_load_speed)
         """No-load speed of each joint, (12,), rad/s; the rated speed for motors without a torque-speed curve."""
         self._speed_before = self._speed.copy()
-        """Joint speeds before the next physics step, of the k robots that `start` selected, (k, 12), rad/s."""
+        """Joint velocities before the next physics step of the k robots that `start` selected, (k, 12), rad/s."""
         self._samples: list[SubstepSample] = []
         """Measurements in each physics step since the last call of `start`."""
         self._mean_torque = np.zeros(self._speed.shape)
@@ -161,8 +161,8 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
         num_joints: Number of joints; they are the last degrees of freedom of the model.
 
     Returns:
-        Function of the robot indices and of the change of the joint speeds, (k, 12), rad/s, in the last physics step;
-        it returns the torques, (k, 12), N·m.
+        Function of the robot indices and of the change of the joint velocities in the last physics step, (k, 12),
+        rad/s; it returns the torques, (k, 12), N·m.
     """
     explicit = batch.bind("actuator_force")
     if not batch.features.implicit_damping:

@@ -121,7 +121,7 @@ def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile `spec` with the trunk at its height in the home pose, then restore the height in `qpos0`.
 
     MuJoCo computes constants, for example inverse weights, at `qpos0`, and the last bits of the constants depend on the
-    trunk height. With the fixed height they do not depend on the start height in the MJCF.
+    trunk height. With the fixed height, the constants do not depend on the start height in the MJCF.
     """
     trunk = spec.body("base_link")
     start_height = float(trunk.pos[2])
@@ -213,7 +213,7 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
 
 
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
-    """Add the height field of `terrain` at the origin, and move the ground plane to its lowest point."""
+    """Add the height field of `terrain` at the origin, and move the ground plane to the field's lowest point."""
     heights = terrain.heights
     rows, columns = heights.normalized.shape
     spec.add_hfield(

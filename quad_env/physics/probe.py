@@ -114,6 +114,6 @@ class IdealSensors:
         return copy
 
     def refresh(self, env_ids: slice | EnvIndices) -> None:
-        """Update all arrays that `copy` returned to the last physics step, for the robots `env_ids`."""
+        """Update all arrays from `copy` with the outputs of the last physics step of the robots `env_ids`."""
         for output, copy in self._copies:
             copy[env_ids] = output[env_ids]

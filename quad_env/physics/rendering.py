@@ -146,7 +146,7 @@ class TerrainPatch:
         return int(self.model.geom_dataid[self._geom])
 
     def recenter(self, target: tuple[float, float, float]) -> bool:
-        """Crop the terrain around `target`, if it is farther than MAX_TARGET_OFFSET from the present centre.
+        """Crop the terrain around `target` if `target` is farther than MAX_TARGET_OFFSET from the present centre.
 
         `target` is a point in the world frame, (3), m. The result is True if the terrain was cropped.
         """

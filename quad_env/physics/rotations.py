@@ -7,7 +7,7 @@ from quad_env.columns import Array
 _NEXT = np.array([1, 2, 0])
 _LAST = np.array([2, 0, 1])
 _SKEW = np.cross(np.eye(3), -np.eye(3)[:, None]).transpose(1, 0, 2).reshape(3, 9)
-"""Flattened cross-product matrices of the three unit vectors, (3, 9)."""
+"""Flattened cross-product matrices of the three unit vectors, (3, 9); `skew` combines them linearly."""
 
 
 def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:

@@ -100,7 +100,7 @@ class SimulationConfig:
     has_meter: bool = False
     """True to measure motors and foot forces in every physics step, and ground contacts of feet, thighs and calves."""
     tracks_footsteps: bool = False
-    """True to compute swing times and touchdown speeds in `QuadState`."""
+    """True to compute swing times, touchdown speeds, contacts, heights and speeds of the feet for `QuadState`."""
 
 
 class _ContactSensorNames(NamedTuple):
@@ -168,7 +168,7 @@ class Simulation:
         self._bind_randomisation(scenario)
 
     def _bind_state(self, num_envs: int) -> None:
-        """Get the simulator's arrays of positions, velocities, targets and torques; create the stored actions."""
+        """Get the simulator's arrays of positions, velocities, targets and torques; create arrays for actions."""
         self.qpos = self.batch.bind("qpos")
         """Generalised positions of the robots in MuJoCo's order, (n, 19); writing to the array moves the robots.
 

@@ -139,7 +139,7 @@ def to_heading(
     the trunk points straight up or down, the heading frame is the world frame.
 
     Args:
-        rotation: Rotation from the base frame to the world frame.
+        rotation: Rotation matrix from the base frame to the world frame.
         vector_world: World-frame vector, (2) or (3).
 
     Returns:

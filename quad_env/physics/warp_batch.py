@@ -21,7 +21,7 @@ from quad_env.physics.simulators import SIMULATOR_FEATURES, WARP
 _UPLOADED_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
 _DOWNLOADED_FIELDS = ("qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata")
 _DERIVED_FIELDS = ("body_subtreemass", "body_invweight0", "dof_invweight0")
-"""Model fields that `mj_setConst` computes from other fields."""
+"""Names of the model fields that MuJoCo's function `mj_setConst` computes from other model fields."""
 _MAX_CONTACTS = 32
 """Maximum number of contacts of a robot; MuJoCo Warp ignores further contacts."""
 _MAX_CONSTRAINT_ROWS = 160

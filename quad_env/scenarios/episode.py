@@ -26,11 +26,11 @@ class PushPlan:
     """
 
     first_step: NDArray[np.int64]
-    """Control step in which each push begins, counted from 0 at the start of the episode, (…, count)."""
+    """Control step in which each push begins, counted from the start of the episode, (count,) or (n, count)."""
     steps: int | NDArray[np.int64]
-    """Duration of each push, control steps: one number for all pushes, or (…, count); 0 if there are no pushes."""
+    """Duration of each push, control steps: one number for all, (count,) or (n, count); 0 for no pushes."""
     force: Array
-    """Force of each push, world frame, x and y, (…, count, 2), N."""
+    """Force of each push, world frame, x and y, (count, 2) or (n, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
         """Return the pushing force on each of n trunks in a control step, world frame, x and y, (n, 2), N.
@@ -176,7 +176,7 @@ def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.rando
 
 
 def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
-    """Draw the pushes of an episode, one in each of the `count` equal parts of the time window.
+    """Draw the pushes of an episode, one in each of `pushes.count` equal parts of the time window.
 
     The direction of each push is horizontal and uniformly random. `dt` is the control period, s.
     """

@@ -56,7 +56,7 @@ STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 Every robot moves straight ahead on flat ground with 0.5 m/s. The scenario belongs to no disturbance axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields of `Scenario` for its name and label; a combination of scenarios sets these fields itself."""
+"""Names of the fields of `Scenario` that identify it; a combination of scenarios sets these fields itself."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
 """Classes of settings that a combination of disturbance axes merges field by field.
 
@@ -205,8 +205,8 @@ def is_combination(name: str) -> bool:
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """Return the scenario of a name with axes and severities, such as `payload=15+slope=10`.
 
-    The severities in the name are used as they are. Commands and all other settings are scaled to the robot. A name
-    with one axis gives a scenario of this axis. A combination of several axes belongs to no axis.
+    Commands and all other settings are scaled to the robot, but the severities in the name are not. A name with one
+    axis gives a scenario of this axis. A combination of several axes belongs to no axis.
 
     Args:
         name: Pairs `axis=severity` that are joined by +; each severity is in the unit of its axis.
@@ -347,7 +347,7 @@ def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = ""
         default: Value of the setting in a scenario without disturbances.
         settings: Values that each of the disturbance axes gives to the setting.
         name: Name of the combination, for error messages.
-        path: Description of the setting for error messages; it is empty or begins with a space.
+        path: Name of the setting for error messages, such as " ground friction"; empty for the whole scenario.
 
     Returns:
         Value of the setting in the combination.

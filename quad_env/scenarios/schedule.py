@@ -76,7 +76,7 @@ class EpisodeSchedule:
         Args:
             env_ids: Indices of the robots, (k,).
             fixed_command: Velocity commands of all robots for the whole episode, (n, 3): forward and lateral m/s, yaw
-                rate rad/s. If it is None, commands are drawn at random.
+                rate rad/s. If `fixed_command` is None, commands are drawn at random.
 
         Returns:
             Random draws of the new episodes of the k robots.

@@ -148,9 +148,10 @@ class Stairs(Settings):
         return self.height(x, y) + radius
 
     def boxes(self) -> list[tuple[tuple[float, float], float]]:
-        """Return ((smallest x, largest x), top height) of the landing and of each step, world frame, m.
+        """Return a list with the x range and the height of the landing and of each step, world frame, m.
 
-        Each item becomes a box of the simulation. The level ground at the foot of the descending steps has no box.
+        Each item is ((smallest x, largest x), top height), and becomes a box of the simulation. The level ground at the
+        foot of the descending steps has no box.
         """
         low = [-self.landing - k * self.run for k in range(self.steps)]
         high = [self.landing + k * self.run for k in range(self.steps)]

@@ -18,7 +18,7 @@ from quad_env.robots.part_names import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]
 _STEPPED_FIELDS = ("qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied")
-"""Fields of MuJoCo's data that a physics step in Drake reads or writes."""
+"""Names of the fields of MuJoCo's data that a physics step in Drake reads or writes."""
 _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 

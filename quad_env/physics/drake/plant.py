@@ -137,7 +137,7 @@ def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: d
 
 
 def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int) -> Any:
-    """Add a joint servo to the Drake plant, with implicit stiffness and damping, and return the actuator.
+    """Add a joint servo, with implicitly integrated stiffness and damping, to the Drake plant, and return it.
 
     `joints` are the Drake joints in MuJoCo's order. `servo` is MuJoCo's id of the actuator. The armature of the MuJoCo
     joint becomes the rotor inertia in Drake.
