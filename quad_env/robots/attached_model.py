@@ -1,4 +1,4 @@
-"""Changes to a user's robot model before it replaces SimpleQuad in the simulated scene.
+"""Preparation of a user's robot model, which then replaces SimpleQuad in the simulated scene.
 
 MuJoCo ignores compiler settings of a whole model, such as `settotalmass`, when the model is attached to another one.
 The functions of this module therefore write explicit masses, inertias and joint parameters: the values that MuJoCo
@@ -17,14 +17,14 @@ from quad_env.robots.shapes import GROUND_BIT, Floats, surface_points
 from quad_env.robots.structure import LINKS, Leg, RobotStructure
 
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)
-"""Colour of sites that only mark positions for sensors and must not be seen: red, green, blue, opacity."""
+"""Colour (red, green, blue, opacity) of sites that mark positions for sensors and must not be visible."""
 _SITE_MARGIN = 1e-3
-"""Margin of the box site of a touch sensor around the geoms of its foot, m.
+"""Distance between the geoms of a foot and each face of the box site of its touch sensor, m.
 
-The margin is needed because MuJoCo's touch sensor measures only contacts inside its site.
+The box is larger than the geoms because MuJoCo's touch sensor measures only contacts inside its site.
 """
 _ALIGNED = 1e-12
-"""Tolerance with which the root body's frame is considered equal to the trunk's frame.
+"""Largest difference between the root body's and the trunk's frame at which they are considered equal.
 
 It limits the difference of the origins, m, and the difference of each coefficient of the rotation matrices.
 """
@@ -46,10 +46,10 @@ class SpecElements(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AttachedModel:
-    """User's robot model while it is prepared for SimpleQuad's scene; made by `copy_user_model`."""
+    """Copy of a user's robot model that is prepared for SimpleQuad's scene; made by `copy_user_model`."""
 
     robot: RobotParameters
-    """Parameters of the user's robot, such as its home pose and rated torque."""
+    """Parameters of the user's robot, such as home pose and rated torque."""
     spec: Any
     """Copy of the user's `mujoco.MjSpec`; the functions of the module `attached_model` change this copy."""
     model: Any
@@ -61,7 +61,7 @@ class AttachedModel:
 
     @property
     def root(self) -> Any:
-        """Root body of the robot in `spec`: the body with the free joint."""
+        """Root body of the robot, which has the free joint, in the `mujoco.MjSpec` `spec`."""
         return self.elements.bodies[self.structure.root]
 
 
@@ -85,7 +85,7 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
 
 
 def delete_elements(spec: Any, *kinds: str) -> None:
-    """Delete all elements of some `kinds`, such as "sensors" or "keys", from the `mujoco.MjSpec` `spec`."""
+    """Delete all elements of the given `kinds`, such as "sensors" or "keys", from the `mujoco.MjSpec` `spec`."""
     for kind in kinds:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
@@ -131,8 +131,9 @@ def align_joint_axes(attached: AttachedModel) -> None:
 def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, float], motor: Floats) -> None:
     """Convert one leg joint to the joint axes and zero angles of this package, see `align_joint_axes`.
 
-    The torque of a joint spring at the deflection x is -(a x + b x² + c x³). The coefficient b changes its sign if the
-    axis is reversed. The torque of a damper is an odd function of the joint speed, so its coefficients do not change.
+    The torque of a joint spring at the deflection x is -(a x + b x² + c x³) with the spring coefficients a, b and c.
+    The coefficient b changes its sign if the axis is reversed. The torque of a damper is an odd function of the joint
+    speed, so its coefficients do not change.
 
     Args:
         attached: The user's model; its `spec` is changed.
@@ -199,12 +200,12 @@ def _motor_armature_and_damping(model: Any) -> Floats:
 
 
 def angle_unit(joint: Any) -> float:
-    """Return the factor from radians to the angle unit of the joint's file: 180/π for degrees, 1 for radians."""
+    """Return the factor from radians to the angle unit in the file of `joint`: 180/π for degrees, else 1."""
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
 def remove_forces(attached: AttachedModel) -> None:
-    """Remove the forces of a user's model that are not simulated here.
+    """Remove the forces of a user's model that this package does not simulate.
 
     These are gravity compensation, plugins, plastic yielding of springs, and all passive forces of the free joint:
     springs, damping, armature and friction. The module `omissions` reports the removed forces to the user.
@@ -247,7 +248,7 @@ def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
         geom.condim = foot.condim
         geom.priority = foot.priority
         geom.surfacevel = np.zeros(6)
-        geom.fluid_ellipsoid = 0.0  # The scene has no fluid.
+        geom.fluid_ellipsoid = 0.0  # This model of fluid forces is removed, because the scene has no fluid.
     for pair in attached.spec.pairs:
         pair.solreffriction = (0.0, 0.0)
         pair.condim = foot.condim
@@ -257,7 +258,8 @@ def rename_elements(attached: AttachedModel) -> None:
     """Give the trunk, the links, the leg joints and the foot geoms names that the simulation can find.
 
     These parts get SimpleQuad's names, such as `base_link` and `fl_foot`; only the joints keep the user's names. The
-    function also adds sites to the feet, and a colliding box to a trunk that does not collide with the ground.
+    function also adds sites for sensors to the feet. A trunk that does not collide with the ground gets a colliding
+    box.
     """
     elements = attached.elements
     for kind, named in (("body", elements.bodies), ("geom", elements.geoms)):
@@ -327,7 +329,7 @@ def _add_trunk_box(attached: AttachedModel) -> None:
 
 
 def reset_orientation(element: Any) -> None:
-    """Align a new geom or site with the axes of its body.
+    """Align a new geom or site, `element`, with the axes of its body.
 
     This is needed because defaults in the user's file may rotate every new geom or site.
     """

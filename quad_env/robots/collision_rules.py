@@ -1,4 +1,4 @@
-"""Selection of the parts of a user's robot that collide with the ground and with each other in our scene.
+"""Selection of the parts of a user's robot that collide with the ground and with each other in simulation.
 
 One bit of `contype`, `GROUND_BIT`, selects the geoms that collide with the ground. Self-collisions are the same as in
 the user's model, except that bodies that overlap in the home pose do not collide with each other.
@@ -13,15 +13,17 @@ from quad_env.robots.shapes import GROUND_BIT, geom_ids, welded_bodies
 from quad_env.robots.structure import LINKS
 
 RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geomname1", "geomname2")}
-"""Attribute of `mujoco.MjSpec` with collision rules -> kind of the two parts, and the fields with their names.
+"""Attribute of `mujoco.MjSpec` with collision rules -> type of a rule's two parts, and its two name fields.
 
-A rule in `excludes` names two bodies that must not collide. A rule in `pairs` names two geoms that collide.
+The name fields of a rule contain the names of its two parts. A rule in `excludes` names two bodies that must not
+collide. A rule in `pairs` names two geoms that collide.
 """
 
 Rule = tuple[Any, str, Any]
-"""One of the two parts that a collision rule names: the rule, the name of the field, and the named body or geom.
+"""Type of a reference from a collision rule to a part: the rule, its name field, and the body or geom.
 
-`apply_rules` writes the final name of the body or geom into the field after all parts have been renamed.
+Each rule has two references, because it names two parts. After all parts have been renamed, `apply_rules` writes the
+final name of the body or geom into the name field.
 """
 
 
@@ -33,8 +35,8 @@ def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[
         overlaps: Pairs of bodies that overlap in the home pose and must not collide.
 
     Returns:
-        Two items for each rule: one for each body or geom that the rule names. The rules are the user's rules that are
-        kept, followed by a new exclusion for each overlap.
+        Two items for each rule: one for each body or geom that the rule names. The user's rules between parts of the
+        robot come first, followed by a new exclusion for each overlap.
     """
     return [*_keep_robot_rules(attached, overlaps), *_add_exclusions(attached, overlaps)]
 
@@ -42,8 +44,8 @@ def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[
 def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Return the user's collision rules between parts of the robot, and delete all other rules from the model.
 
-    Rules with parts of the user's scene are deleted, because our scene replaces the user's scene. Geom pairs of bodies
-    that overlap in the home pose are deleted, because these bodies must not collide.
+    Rules with parts of the user's scene are deleted, because SimpleQuad's scene replaces the user's scene. Geom pairs
+    of bodies that overlap in the home pose are deleted, because these bodies must not collide.
 
     Args:
         attached: The user's model; its `spec` is changed.
@@ -68,9 +70,9 @@ def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> l
 
 
 def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Add a rule to `attached.spec` for each overlap, so that its two bodies do not collide; return these rules.
+    """Add a rule to `attached.spec` for each overlap, so that the two overlapping bodies do not collide.
 
-    Each rule gives two items of the list: one for each of its bodies.
+    The new rules are returned. The returned list has two items per rule: one for each of its bodies.
     """
     _, *fields = RULES["excludes"]
     rules: list[Rule] = []

@@ -19,10 +19,10 @@ from quad_env.robots.shapes import Floats, bounding_box, end_spheres, rounded_hu
 
 @dataclass(frozen=True)
 class StanceTilts:
-    """Range of shin tilts of a standing robot; a geom that touches the ground at one of them belongs to the foot."""
+    """Tilts of the shin that a standing robot can have; geoms that touch the ground at one of them are the foot."""
 
     margin: float = 0.3
-    """Angle that is added to the shin's tilt in the model's keyframes to get its largest tilt in a stance, rad."""
+    """Angle that is added to the shin's tilt in the model's keyframes, which gives the largest tilt in stance, rad."""
     min_bent: float = 0.8
     """Lower bound on the largest tilt of the shin in the direction in which the knee bends, rad."""
     max_bent: float = 1.0
@@ -36,34 +36,37 @@ class FootThresholds:
     """Thresholds that decide which geoms of a leg's last link are the foot and which are the shin."""
 
     level: float = 1e-3
-    """Largest height of a geom's lowest point above the lowest geom at which the geom also belongs to the foot, m."""
+    """Largest distance between a geom and the ground at which the geom counts as touching it, m.
+
+    The ground is at the lowest point of all geoms of the link.
+    """
     short_level: float = 5e-3
-    """Value of `level` for a geom that is too short for a shin, with the shin tilted, m.
+    """Replacement of the threshold `level` for a geom that is too short for a shin, in poses with a tilted shin, m.
 
     It is larger than `level` because contacts yield under load.
     """
     ball_depth: float = 1e-4
-    """Depth of other foot geoms below the foot's ball, m; up to this depth, the ball alone represents the foot."""
+    """Largest depth of added foot geoms below the foot's ball at which the ball alone represents the foot, m."""
     shin_length: float = 0.5
-    """Length of a geom along the leg from which it is a shin and no foot, as a fraction of the knee-sole distance."""
+    """Smallest length of a geom along the leg at which it is a shin, as a fraction of the knee-sole distance."""
     sole_height: float = 0.1
     """Largest height of a point of the sole above the lowest point of the foot, as a fraction of the ball's radius."""
     max_radius: float = 0.15
     """Largest radius of the ball that models a foot of another shape, as a fraction of the knee-sole distance."""
     end_distance: float = 0.9
-    """Distance from the knee from which a geom is at the leg's end, as a fraction of the farthest geom's distance."""
+    """Smallest distance of a geom from the knee at which it is at the leg's end, as a fraction of the largest one."""
     min_vector: float = 1e-6
-    """Length of a vector below which its direction is undefined, m."""
+    """Smallest length of a vector with a defined direction, m; shorter vectors are treated as zero."""
 
 
 STANCE_TILTS = StanceTilts()
 _THRESHOLDS = FootThresholds()
 _MIDDLE_ITERATIONS = 4
-"""Number of iterations with which `_middle_direction` finds the direction from the knee to the middle of the foot."""
+"""Number of iterations in which `_middle_direction` refines the direction from the knee to the foot's middle."""
 
 
 def _sample_directions() -> Floats:
-    """Return unit vectors in all directions, base frame with the leg straight down, (k, 3).
+    """Return k unit vectors that sample all directions, base frame with the leg straight down, (k, 3).
 
     `extreme_points` keeps the points of a foot that are extreme in one of these directions. The vectors are denser near
     the plane in which the leg bends, because the lowest point of a tilted shin lies in one of these directions.
@@ -91,12 +94,12 @@ class Foot(NamedTuple):
     radius: float
     """Radius of the ball that models the foot in the kinematics, m."""
     points: Floats
-    """Points that describe the exact shape of the foot, relative to `centre`, frame of `body`, (k, 3), m.
+    """Positions of k points that describe the shape of the foot, relative to `centre`, frame of `body`, (k, 3), m.
 
     The foot is the convex hull of balls about these points, with the radii in `radii`. k is 0 if the foot is one ball.
     """
     radii: Floats
-    """Radius of the ball about each point of `points`, (k,), m; 0 at a corner or edge of the foot."""
+    """Radius of the ball about each of the k points in `points`, (k,), m; 0 at a corner or edge of the foot."""
 
     def bodies(self, model: Any) -> list[int]:
         """Return the ids of all bodies that have foot geoms in the compiled `model`; `self.body` is the first."""
@@ -232,7 +235,8 @@ def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) 
 
     Args:
         knee: Position of the knee, world frame, (3,), m.
-        hull: The geom as the convex hull of balls: their centres, world frame, (m, 3), m, and their radius, m.
+        hull: The geom as the convex hull of balls of equal size: the centre of each ball, world frame, (balls, 3), m,
+            and the radius of the balls, m.
         directions: Directions of gravity, unit vectors, world frame, (k, 3).
 
     Returns:
@@ -382,9 +386,10 @@ def _is_short(points: Floats, down: Floats, length: float) -> bool:
 
 
 def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
-    """Return the directions of gravity that a fixed, straight leg sees in the poses of a standing robot.
+    """Return the directions of gravity relative to the leg in k poses of a standing robot.
 
-    Tilting gravity instead of the leg gives the same lowest points, and the model does not have to be moved.
+    The leg stays straight, and gravity is tilted instead of the shin. This gives the same lowest points, and the model
+    does not have to be moved.
 
     Args:
         down: Direction of the straight leg, unit vector, world frame, (3,).
@@ -423,16 +428,16 @@ def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
 def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     """Reduce the points of a foot to those that can touch the ground.
 
-    Kept are the points that are extreme in one of the sampled directions. The lowest points of balls are added, so that
-    the foot is exact when the leg points straight down.
+    The function keeps the points that are extreme in one of the sampled directions. It adds the lowest points of the
+    balls, so that the foot is exact when the leg points straight down.
 
     Args:
         points: Points of a foot, base frame with the leg straight down, (k, 3), m.
         radii: Radii of the balls about the points, (k,), m; the foot is the convex hull of these balls.
 
     Returns:
-        points: Extreme points, followed by the lowest points of balls with a radius above 0, (m, 3), m.
-        radii: Radii of the balls about the extreme points, followed by zeros, (m,), m.
+        points: Extreme points, followed by the lowest points of balls with a radius above 0, (points, 3), m.
+        radii: Radii of the balls about the extreme points, followed by zeros, (points,), m.
     """
     if not len(points):
         return points, radii

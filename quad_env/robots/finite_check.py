@@ -1,4 +1,4 @@
-"""Check of a user's compiled model for NaN and infinity; the error message names the parts with these numbers."""
+"""Check of a user's compiled model for NaN and infinity, with an error message that names the wrong parts."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 _KINDS = {"body_": "body", "jnt_": "joint", "geom_": "geom", "actuator_": "actuator"}
-"""Prefix of a field's name in `mujoco.MjModel` -> kind of part that the field describes, for error messages."""
+"""Prefix of a field's name in `mujoco.MjModel` -> type of part that the field describes, for error messages."""
 _FIELDS = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "jnt_actfrcrange"),
@@ -14,9 +14,9 @@ _FIELDS = (
     *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
     *("jnt_margin", "actuator_armature", "actuator_damping"),
 )
-"""Fields of `mujoco.MjModel` with one row per body, joint, geom or actuator that must be finite."""
+"""Names of fields of `mujoco.MjModel` that must be finite, with one row per body, joint, geom or actuator."""
 _JOINT_FIELDS = ("dof_armature", "dof_damping", "dof_frictionloss")
-"""Fields of `mujoco.MjModel` with one row per degree of freedom that must be finite."""
+"""Names of fields of `mujoco.MjModel` that must be finite, with one row per degree of freedom."""
 _SHOWN = 3
 """Largest number of parts with NaN or infinity that the error message names; the others are only counted."""
 

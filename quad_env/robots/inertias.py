@@ -1,4 +1,4 @@
-"""Correction of impossible and missing inertias of a user's model; the changed bodies are reported to the user.
+"""Correction of impossible and missing inertias of a user's model; it returns the names of changed bodies.
 
 An inertia is impossible if a principal moment is not above 0 or exceeds the sum of the other two. It is replaced by
 three equal moments with the same mean, as MuJoCo's option `balanceinertia` does.
@@ -16,7 +16,7 @@ UNBALANCED_MESSAGE = "A + B >= C"
 NOT_POSITIVE_MESSAGE = "positive eigenvalues"
 """Part of the error message of MuJoCo's compiler about a principal moment of inertia that is not above 0."""
 TOO_SMALL_MESSAGE = "must be larger than mjMINVAL"
-"""Part of the error message of MuJoCo's compiler about a too small mass or inertia; it identifies this error."""
+"""Part of the error message of MuJoCo's compiler about a mass or inertia below `MIN_INERTIA`."""
 MIN_INERTIA = 1e-15
 """Smallest mass, kg, and moment of inertia, kg·m², that MuJoCo accepts for a moving body: its constant mjMINVAL."""
 INERTIA_FROM_GEOMS = 1
@@ -71,7 +71,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
-    """Return the names of the bodies with an impossible inertia in the file that MuJoCo has replaced.
+    """Return the names of the bodies with an impossible inertia that MuJoCo has replaced.
 
     Args:
         spec: The `mujoco.MjSpec` of the model.
@@ -104,7 +104,7 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
     Returns:
         Names of the links that have colliding shapes but no mass, for the report to the user.
     """
-    if int(spec.compiler.inertiafromgeom):  # The file itself requests that MuJoCo infers masses from shapes.
+    if int(spec.compiler.inertiafromgeom):  # The file requests that MuJoCo computes masses from shapes.
         return ()
     massless = []
     for body in spec.bodies[1:]:
@@ -136,7 +136,7 @@ def _mass(body: Any, welded_only: bool = False) -> float:
 
 
 def _moments(body: Any) -> Floats:
-    """Return the principal moments of a body's inertia in the file, in ascending order, (3,), kg·m²."""
+    """Return the principal moments of inertia that the file gives for `body`, in ascending order, (3,), kg·m²."""
     full = np.array(body.fullinertia)
     if np.isnan(full[0]):
         return np.sort(body.inertia)

@@ -65,11 +65,12 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
 
     Args:
         robot: The robot; the shapes of its feet are used.
-        rotation: Rotations from the base frame to the world frame, (n, 3, 3).
-        joints: Joint angles, (n, 12), rad.
+        rotation: Rotations from the base frame to the world frame, of n robots, (n, 3, 3).
+        joints: Joint angles of the n robots, (n, 12), rad.
 
     Returns:
-        Depths, (n, 4), m. If all feet are balls, the depth is the same in every pose: a float, the foot radius.
+        Depths, (n, 4), m. If all feet are balls, the depth is the same in every pose, and the result is a float: the
+        foot radius, m.
     """
     if not robot.foot_points.size:
         return robot.foot_radius
@@ -82,7 +83,7 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
 
     Args:
         robot: The robot; its leg lengths and hip offset are used.
-        joints: Joint angles (hip, thigh, calf), (n, 4, 3), rad.
+        joints: Joint angles (hip, thigh, calf) of n robots, (n, 4, 3), rad.
 
     Returns:
         Jacobians, (n, 4, 3, 3), m/rad: rows are the coordinates x, y, z in the base frame, columns are hip, thigh and
@@ -93,7 +94,7 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
     knee = joints[..., 1] + joints[..., 2]
     upper = robot.thigh_length
     lower = robot.calf_length
-    # Derivatives by the calf and the thigh angle: forward and upward component, in the plane in which the leg bends.
+    # These are the derivatives with respect to calf and thigh angle: forward and upward, in the plane of the leg.
     by_calf = -lower * np.cos(knee), lower * np.sin(knee)
     by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
     jacobians = np.zeros((*joints.shape, 3))

@@ -1,7 +1,7 @@
-"""Check whether the joint names of a user's robot agree with the positions of the legs.
+"""Check that the joint names of a user's robot agree with the positions of the legs.
 
-The leg is read from the words of a joint's name: `FL_hip_joint` and `front_left_hip` both mean the front left leg, fl.
-A contradiction most often means that the model faces backward.
+The words of a joint's name show its leg: `FL_hip_joint` and `front_left_hip` both mean the front left leg, fl. If the
+names contradict the positions of the legs, the model most often faces backward.
 """
 
 import re
@@ -17,7 +17,7 @@ _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 """Word of a joint's name that means the left or right side -> second letter of the leg's name."""
 _JOINED_WORDS = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
-"""Pattern of an end and a side that are written as one word, such as `frontleft`."""
+"""Pattern of a word that contains both an end and a side of the robot, such as `frontleft`."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 """Pattern of one word in a joint's name; a change from lower to upper case starts a new word."""
 _MIRROR = str.maketrans("lr", "rl")
@@ -29,13 +29,13 @@ _TURNS = {
     "left and right are exchanged (its y axis points to the right?): y points to the left": (_MIRROR,),
     "fore and hind are exchanged (its x axis points to the tail?): x points forward": (_REVERSE,),
 }
-"""Cause and remedy of wrong joint names -> translations from the named leg to the actual leg.
+"""Cause and remedy of wrong joint names -> translations of the leg's name in a joint's name to its actual leg.
 
 A cause applies if its translations explain all wrong names.
 """
 
 PARTIAL_REMEDY = "the other legs are where their names say: exchange the names of these, or their places"
-"""Remedy that a message names if only some of the joint names contradict the positions of their legs."""
+"""Text of the remedy if the names of only some legs contradict their positions."""
 
 
 def split_words(name: str) -> list[str]:
@@ -50,9 +50,9 @@ def _parts(word: str) -> list[str]:
 
 
 def leg_from_words(words: Sequence[str]) -> str | None:
-    """Return the leg that the words of a joint's name mean: fl, fr, hl or hr.
+    """Return the name of the leg that the words of a joint's name mean: fl, fr, hl or hr.
 
-    None is returned if the words name no leg or more than one leg.
+    The letters mean front, hind, left and right. None is returned if the words name no leg or more than one leg.
     """
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}

@@ -1,8 +1,8 @@
 """Detection and locking of a robot's joints that belong to no leg, such as joints of an arm or wheels.
 
-A locked joint is removed from the model, and its body is welded to the parent body. A stiff servo or an equality
-constraint could also hold the joint. But it would limit the stable time step, yield under load, and leave coordinates
-in the state that policies do not expect. A weld is exact at any time step and costs no computation.
+A locked joint is removed from the model, and its body is welded to the parent body. The alternative is a stiff servo or
+an equality constraint that holds the joint. It would limit the stable time step, yield under load, and leave joint
+coordinates in the state that policies do not expect. A weld is exact at any time step and costs no computation.
 """
 
 from collections import Counter
@@ -25,15 +25,15 @@ from quad_env.robots.structure import (
 WHEEL_ROUNDNESS = 0.8
 """Smallest roundness of a link that counts as a wheel, dimensionless.
 
-The roundness is the smallest distance of the link's outline from its axis, divided by the largest distance. The axle of
-a wheel is locked, because its rotation does not move the point that carries the load.
+The roundness is the smallest distance between the link's outline and its axis, divided by the largest distance. The
+axle of a wheel is locked, because its rotation does not move the point that carries the load.
 """
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-"""Directions around the axis of a hinge in which the outline of its link is measured, (16,), rad."""
+"""Angles around the axis of a hinge at which the distance of its link's outline is measured, (16,), rad."""
 
 
 def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
-    """Find the hinges and slides below the trunk that belong to none of the four legs, to lock them.
+    """Find the hinges and slides below the trunk that belong to none of the four legs, and have to be locked.
 
     A leg has one hinge about the trunk's x axis, followed by two parallel hinges. If a branch of the kinematic tree has
     more than three hinges, only its load-bearing hinges can belong to a leg. A load-bearing hinge moves colliding
@@ -160,12 +160,12 @@ def _keep_springs(spec: Any, model: Any) -> None:
 
 
 def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
-    """Return the elements that must be deleted together with some joints, because they refer to them.
+    """Return the elements that must be deleted together with some joints, because they refer to these joints.
 
     Args:
         mujoco: The package `mujoco`.
         spec: The `mujoco.MjSpec` of the model.
-        names: Names of the joints.
+        names: Names of the deleted joints.
 
     Returns:
         All sensors, the tendons over these joints, and the motors and equalities of these joints or tendons.
@@ -186,7 +186,7 @@ def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
 
 
 def _wraps_any(mujoco: Any, tendon: Any, names: set[str]) -> bool:
-    """Return True if a tendon of a `mujoco.MjSpec` runs over one of the joints named in `names`."""
+    """Return True if `tendon`, of a `mujoco.MjSpec`, runs over one of the joints named in `names`."""
     return any(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name in names for wrap in tendon.path)
 
 
@@ -202,7 +202,7 @@ def _moved_mask(model: Any, joint: int) -> Bools:
 def _is_leg(axes: Floats) -> bool:
     """Return True if k hinges can form a leg: one hinge about x, then two parallel lateral hinges.
 
-    `axes` are the unit vectors of the hinge axes from the trunk to the foot, base frame, (k, 3).
+    `axes` are the unit vectors of the hinge axes, base frame, (k, 3), in the order from the trunk to the foot.
     """
     return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 RECORD_NAME = "quad_env: files that are not there"
-"""Name of the custom text element of a `mujoco.MjSpec` that stores the names of its missing files."""
+"""Name of the custom text element in which a `mujoco.MjSpec` stores the names of its missing files."""
 
 
 def remove_missing_files(spec: Any) -> None:

@@ -1,4 +1,4 @@
-"""Digest (SHA-256) of the physical properties in a robot's compiled model.
+"""Computation of a digest (SHA-256) from the physical properties in a robot's compiled model.
 
 A trained policy stores the digest of its robot and is valid only for robots with the same digest.
 """
@@ -22,7 +22,8 @@ DIGEST_FIELDS = (
 OPTIONAL_DIGEST_FIELDS = ("jnt_stiffnesspoly", "dof_dampingpoly")
 """Fields of `mujoco.MjModel` that enter the digest of a robot only if they are not zero.
 
-Earlier versions of this package did not include them; the digests of robots without these forces remain valid.
+They are zero for robots without nonlinear springs and dampers. The digests of these robots remain valid, because
+earlier versions of this package did not include the two fields.
 """
 
 

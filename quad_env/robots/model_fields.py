@@ -1,7 +1,7 @@
-"""Treatment of each field of a user's compiled model when the robot is imported.
+"""Lists of the fields of a user's compiled model, by the treatment of each field when the robot is imported.
 
-A field is kept, replaced by SimpleQuad's value, reported as left out, or has no effect on the motion. The lists are
-complete: a test visits all fields of MuJoCo and fails for a field that is in no list or in two lists.
+An import keeps a field, replaces it by SimpleQuad's value, or reports that the robot lacks it; other fields do not
+affect the motion. The lists are complete: a test fails if a field of MuJoCo is in no list or in two lists.
 """
 
 
@@ -105,7 +105,8 @@ REPLACED = _fields("""
 """)
 """Fields of `mujoco.MjModel` with values of the user's model that an imported robot does not keep.
 
-They get SimpleQuad's value, or a value computed from SimpleQuad's parameters; see docs/your-robot.md.
+The robot gets SimpleQuad's values in these fields, or values computed from SimpleQuad's parameters; see
+docs/your-robot.md.
 """
 NAMED = _fields("""
     body_gravcomp body_plugin body_mocapid
@@ -126,7 +127,7 @@ NAMED = _fields("""
 """)
 """Fields of `mujoco.MjModel` that an imported robot lacks, although they can affect the motion.
 
-The module `omissions` reports to the user the fields among them that the model uses.
+If the user's model uses one of these fields, the module `omissions` reports this to the user.
 """
 WITHOUT_EFFECT = _SHOWN + _NAMES + _SENSORS + _DERIVED + _SIZES
 """Fields of `mujoco.MjModel` that do not affect the motion, such as colours, names and sensors."""

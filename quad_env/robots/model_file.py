@@ -25,13 +25,16 @@ from quad_env.robots.structure import ModelError, RobotStructure, detect_structu
 from quad_env.robots.urdf import load_urdf
 
 MAX_PARTS = 2000
-"""Largest number of parts of one kind, such as keyframes or sensors, that a user's model may have.
+"""Largest number of parts of one type, such as keyframes or sensors, that a user's model may have.
 
 The limit is needed because the time in which MuJoCo deletes parts grows with the square of their number. Published
-models have some hundreds of parts at most.
+models have some hundreds of parts of one type at most.
 """
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-"""Attributes of `mujoco.MjSpec` with the parts that MAX_PARTS limits; an import deletes all these parts."""
+"""Attributes of `mujoco.MjSpec` with the parts that `MAX_PARTS` limits.
+
+These parts are limited because an import deletes them from the user's model.
+"""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 """File to which MuJoCo writes warnings if the user has chosen no other log file."""
 
@@ -47,7 +50,7 @@ class UserModel:
     structure: RobotStructure
     """Trunk, legs and colliding geoms that were found in `model`."""
     modified: int
-    """Modification time of the file when it was read, ns; it shows whether the file has changed since."""
+    """Modification time of the file when it was read, ns; a later time shows that the file has changed."""
 
 
 def read(path: Path) -> UserModel:
@@ -66,7 +69,7 @@ def read(path: Path) -> UserModel:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     if not _is_installed(path):
-        # Imported here because the import is slow and files of installed packages do not need it.
+        # The import is here because it is slow, and because files of installed packages do not need it.
         from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited
 
         try:
@@ -114,7 +117,7 @@ def _read(path: Path) -> UserModel:
     modified = path.stat().st_mtime_ns
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # The warnings concern deprecated attributes, which MuJoCo still reads.
+            warnings.simplefilter("ignore")  # MuJoCo warns of deprecated attributes, but still reads them.
             spec, model, omissions = _compile(mujoco, path)
             model, structure = _detect_locked_structure(mujoco, spec, model)
     except ModelError:
@@ -137,7 +140,7 @@ def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
     Returns:
         spec: The `mujoco.MjSpec` of the file after these changes.
         model: Compiled `mujoco.MjModel` of `spec`.
-        lines: Report of the parts of the file that the imported robot lacks: heading and text of each line.
+        lines: Report about the parts of the file that the imported robot does not have: heading and text of each line.
 
     Raises:
         ModelError: The model is invalid.
@@ -214,7 +217,7 @@ def _missing_file_lines(spec: Any) -> Iterator[tuple[str, str]]:
 def _keep_parts(mujoco: Any, spec: Any) -> None:
     """Set MuJoCo's compiler options so that it keeps every body, geom and frame of the file.
 
-    This is needed because the elements of the `mujoco.MjSpec` are found by their ids in the compiled model.
+    This is needed because the elements of the `mujoco.MjSpec` are later found by their ids in the compiled model.
     """
     for part in (spec, *spec.bodies, *spec.joints, *spec.geoms):
         compiler = part.compiler

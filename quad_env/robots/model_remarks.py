@@ -1,6 +1,6 @@
-"""Texts about a user's model for the commands `describe` and `doctor`.
+"""Texts about a user's model that the commands `describe` and `doctor` print.
 
-They concern the feet, the omitted parts, overlapping bodies and the names of bodies.
+They describe the feet, the parts that the imported robot does not have, overlapping bodies, and the names of bodies.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from quad_env.robots.structure import LINKS
 
 
 def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
-    """Yield the lines of `describe` about an imported robot's feet, trunk and omitted parts.
+    """Yield the lines of the command `describe` about an imported robot's feet, trunk and omitted parts.
 
     Each line is a pair of heading and text.
     """
@@ -62,10 +62,10 @@ def overlap_remark(robot: RobotParameters) -> str | None:
 
 
 def body_names(robot: RobotParameters) -> dict[str, str]:
-    """Return the dictionary: name of a body in our scene -> name of this body in the user's file.
+    """Return the dictionary: name of a body in the simulated scene -> name of this body in the user's file.
 
-    Messages need it, because an import renames bodies. Bodies without a name in the file are left out. The dictionary
-    is empty for a robot that is not imported.
+    Messages use it to name bodies as the user does, because an import renames them. Bodies without a name in the file
+    are left out. The dictionary is empty for a robot that is not imported.
     """
     if not robot.imported:
         return {}

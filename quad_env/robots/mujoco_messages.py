@@ -1,4 +1,4 @@
-"""Explanations of MuJoCo's error messages about a model file, with remedies."""
+"""Explanation of MuJoCo's error messages about a model file: adds the cause and a remedy."""
 
 _MEANINGS = {
     "mjMINVAL": "a body that moves has no mass or no inertia: give it an <inertial>, or geoms with mass",

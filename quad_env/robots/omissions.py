@@ -1,4 +1,4 @@
-"""Report to the user about parts and settings of a model that the imported robot does not have.
+"""Report to the user about the parts and settings of the model file that the imported robot does not have.
 
 The module `model_fields` lists the treatment of every field of the model. The report is made before joints are locked
 and the user's scene is removed, because these steps delete tendons, equalities and motors.
@@ -17,7 +17,7 @@ Lines = tuple[tuple[str, str], ...]
 MAX_NAMES = 6
 """Largest number of names in a line of the report about omitted parts; further names are only counted."""
 CONTACT = "contact"
-"""Heading of the report line about contact parameters of a user's model that were replaced."""
+"""Heading of the report line about contact parameters of a user's model that an import replaces."""
 _CONTACT_FIELDS = ("condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel")
 """Names of the contact parameters of a geom in MJCF that an import replaces; friction is kept."""
 _PAIR_FIELDS = {
@@ -36,14 +36,17 @@ _SUPPORTING_FIELDS = {
     "armature": ("dof_armature",),
     "friction loss": ("dof_frictionloss",),
 }
-"""Passive force of a free joint that would support the trunk -> fields of `mujoco.MjModel` for it."""
+"""Passive force of a free joint, which an import removes -> fields of `mujoco.MjModel` that define it.
+
+The forces are removed because only the ground may support the trunk.
+"""
 _FLAGS = (
     *("mjDSBL_CONSTRAINT", "mjDSBL_EQUALITY", "mjDSBL_FRICTIONLOSS", "mjDSBL_LIMIT", "mjDSBL_CONTACT", "mjDSBL_SPRING"),
     *("mjDSBL_DAMPER", "mjDSBL_GRAVITY", "mjDSBL_CLAMPCTRL", "mjDSBL_FILTERPARENT", "mjDSBL_ACTUATION"),
 )
-"""MuJoCo's disable flags that change the physics and are therefore reported.
+"""Names of MuJoCo's disable flags that are reported to the user, because they change the physics.
 
-The other disable flags concern only the numerics.
+The other disable flags affect only the numerical methods.
 """
 
 
@@ -78,8 +81,8 @@ def join_names(names: Iterable[str]) -> str:
 def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
     """Yield a report line about the removed parts of a user's model; no line if nothing is removed.
 
-    Removed are the user's scene, tendons, equality constraints, flexible bodies, plugins, and the actuators that act
-    on neither a joint nor a tendon.
+    An import removes the user's scene, tendons, equality constraints, flexible bodies, plugins, and the actuators that
+    act on neither a joint nor a tendon.
 
     Args:
         mujoco: The package `mujoco`.
@@ -90,7 +93,7 @@ def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> 
     Yields:
         Heading and text of the line.
     """
-    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # The first body, the world, is skipped.
+    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # The first body is the world.
     parts = [f"body {model.body(int(body)).name or body}" for body in scene]
     geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
     parts += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
@@ -123,7 +126,7 @@ def _body(model: Any, body: Any) -> str:
 
 
 def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
-    """Report the leg joints that have no limits in the user's model; they get the limits ±π rad.
+    """Report the leg joints that have no limits in the user's model; an import gives them the limits ±π rad.
 
     Args:
         model: Compiled `mujoco.MjModel` of the user's file.
@@ -207,7 +210,7 @@ def _differs(values: Any, neutral: Any) -> bool:
 def _settings_lines(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
     """Yield a report line about the physics options, such as gravity, that are not MuJoCo's defaults.
 
-    The imported robot does not keep them. No line is yielded if all of them are the defaults.
+    The imported robot does not keep these options. No line is yielded if all options are the defaults.
 
     Args:
         mujoco: The package `mujoco`.

@@ -1,7 +1,8 @@
 """Detection of a robot's collision shapes that overlap in the home pose, such as a rotor inside the trunk.
 
 Models that were made for simulators without self-collision often have overlaps. Two overlapping bodies would push each
-other apart against the servos, so our scene excludes the collision between them. Overlaps of feet are not excluded.
+other apart against the servos. The simulated scene therefore excludes collisions between these two bodies. An overlap
+of a foot does not lead to an exclusion.
 """
 
 import copy
@@ -17,9 +18,9 @@ class Overlap(NamedTuple):
     bodies: tuple[int, int]
     """Ids of the two overlapping bodies in the compiled model, in ascending order."""
     geoms: tuple[int, int]
-    """Ids of the pair of geoms of the two bodies that penetrates deepest, in the compiled model."""
+    """Ids of two geoms in the compiled model, one of each body: the pair with the deepest penetration."""
     depth: float
-    """Penetration depth of the pair of geoms that penetrates deepest, m."""
+    """Penetration depth of the two geoms in `geoms`, which is the largest of the two bodies, m."""
 
 
 def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose: Floats) -> list[Overlap]:

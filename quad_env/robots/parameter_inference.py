@@ -1,7 +1,4 @@
-"""Computation of a robot's parameters from a user's MJCF or URDF.
-
-A TOML file can give some of the parameters instead.
-"""
+"""Computation of a robot's parameters from a user's MJCF or URDF, and from a TOML file of given parameters."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,34 +15,38 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg,
 from quad_env.robots.torque_limits import torque_ranges
 
 GIVEN_PARAMETERS = ("home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness")
-"""Names of the parameters of `Robot` that the user may give; otherwise they are inferred from the model."""
+"""Names of the parameters of `Robot` that the user may give; the other parameters are measured in the model.
+
+A parameter in this list that the user does not give is inferred from the model.
+"""
 MIN_STAND_HEIGHT_RATIO = 0.5
 """Smallest hip height in a keyframe that counts as standing, as a fraction of the leg length.
 
-The hip height is the height of the hips above the feet. The home pose is made from the first standing keyframe.
+The hip height is the height of the hips above the feet. The first keyframe in which the robot stands determines the hip
+height of the home pose.
 """
 MAX_STAND_HEIGHT_RATIO = 0.97
 """Largest hip height in a keyframe that counts as standing, as a fraction of the leg length.
 
-The hip height is the height of the hips above the feet. A keyframe above the limit has straight legs.
+The hip height is the height of the hips above the feet. In a keyframe above the limit, the legs are straight.
 """
 MIN_MASS = 1e-3
-"""Smallest mass of a robot that is accepted, kg; a smaller mass is most often an error of units."""
+"""Smallest accepted mass of a robot, kg; a smaller mass is most often an error of units."""
 MAX_MASS = 1e6
-"""Largest mass of a robot that is accepted, kg; a larger mass is most often an error of units."""
+"""Largest accepted mass of a robot, kg; a larger mass is most often an error of units."""
 _MAX_LEVEL_ITERATIONS = 10
 """Largest number of iterations of `_level_feet`, which adjusts the home pose until the feet are level.
 
-One step is not enough if feet are no balls, because the depth of the sole then depends on the tilt of the shin.
+One iteration is not enough if feet are no balls, because the depth of the sole then depends on the tilt of the shin.
 """
 _MIN_KNEE_CLEARANCE = 1e-3
-"""Smallest distance of the hip height in the home pose from its value with a fully folded knee, m."""
+"""Smallest difference between the hip height in the home pose and the hip height with a folded knee, m."""
 
 
 class GivenParameterError(ModelError):
     """Error about a parameter that the user has given, such as a home pose outside of the joint limits.
 
-    It is distinguished from an error of the model, so that the message can name the user's TOML file.
+    This class differs from `ModelError`, so that the error message can name the user's TOML file instead of the model.
     """
 
 
@@ -53,8 +54,8 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
     """Read the parameters of a robot from a model file or a TOML file, see `Robot.from_mjcf`.
 
     Args:
-        path: MJCF or URDF file, or a TOML file with the path of one of them and with parameters.
-        name: Name of the robot; None for the name in the TOML or the name of the file.
+        path: MJCF or URDF file, or a TOML file that contains parameters and the path of an MJCF or URDF file.
+        name: Name of the robot; None for the name in the TOML or, without it, the name of the file.
         **figures: Name and value of each parameter that is not inferred; they override the parameters in the TOML.
 
     Returns:
@@ -83,7 +84,7 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
 
 
 def _checked_name(name: Any) -> str:
-    """Return the name of a robot unchanged. Raises ModelError if no folder could have this name."""
+    """Return the `name` of a robot unchanged; raise ModelError if a folder could not have this name."""
     is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
     if not is_name or not name.isprintable():
         raise ModelError(f"name: a robot's name must be valid as a folder's name, such as my_robot; got {name!r}")
@@ -99,7 +100,7 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
         given: Name -> value of each parameter that the user has given, so that it is not inferred.
 
     Returns:
-        The parameters; the field `source` is not set yet.
+        The parameters of the robot; the field `source` is not set yet.
     """
     user_model = read(path)
     robot = _measure(path, name, user_model, _choose_parameters(user_model, given))
@@ -115,8 +116,8 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
 def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str, Any]:
     """Choose the values of the parameters in `GIVEN_PARAMETERS`: the user's, else inferred values.
 
-    Inferred servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. The inferred home pose is zero
-    until `_with_home_pose` computes the angles.
+    Inferred servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. All angles of an inferred home
+    pose are zero here; `_with_home_pose` computes them later.
 
     Args:
         user_model: The user's model.
@@ -194,10 +195,10 @@ def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any
 
 
 def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParameters:
-    """Return a copy of a robot's parameters with an inferred home pose: level, with all feet on the ground.
+    """Return a copy of a robot's parameters with an inferred home pose: level trunk, all feet on the ground.
 
-    The hip height is taken from the first keyframe in which the robot stands. If there is none, it is SimpleQuad's hip
-    height, scaled by the leg length.
+    The hip height is taken from the first keyframe in which the robot stands. If the robot stands in no keyframe, the
+    hip height is SimpleQuad's, scaled by the leg length.
     """
     structure = user_model.structure
     stand = _stand_angles(user_model.model, structure)
@@ -210,7 +211,7 @@ def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParam
 
 
 def _check_finite(robot: RobotParameters) -> None:
-    """Raise ModelError if a parameter of a robot contains NaN or infinity; the message names it."""
+    """Raise ModelError if a parameter of a robot contains NaN or infinity; the message names the parameter."""
     for name, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {name.replace('_', ' ')} is not finite, got {value}")
@@ -219,7 +220,8 @@ def _check_finite(robot: RobotParameters) -> None:
 def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bool) -> None:
     """Raise ModelError if an angle of the home pose is outside of its joint limits.
 
-    The error is GivenParameterError, a subclass, if `is_given` is True: the user has given the home pose.
+    If `is_given` is True, the user has given the home pose. The error then is a GivenParameterError, which is a
+    subclass of ModelError.
     """
     lower, upper = user_model.structure.limits(user_model.model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
@@ -316,10 +318,10 @@ def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
 
 
 def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
-    """Infer the direction in which each knee bends: the sign of the calf's angle, -1 or 1, (4,).
+    """Infer the direction in which each knee bends: -1 for backward, 1 for forward, (4,).
 
-    It is read from the limits of the calf joint, else from the first keyframe in which the robot stands. A ModelError
-    is raised if neither shows the direction.
+    The direction is the sign of the bent calf's angle. The limits of the calf joint show it, or the first keyframe in
+    which the robot stands. A ModelError is raised if neither shows the direction.
     """
     lower, upper = structure.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
@@ -339,8 +341,8 @@ def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
 def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
     """Return the torque that every leg joint of a model can apply in both directions, N·m.
 
-    It is the smallest of the joints' largest torques. A joint torque that the model does not limit, or that is zero,
-    raises ModelError: the user then has to give the rated torque.
+    The result is the smallest of the largest torques of all joints. ModelError is raised if the model does not limit a
+    joint's torque, or limits it to zero. The user then has to give the rated torque.
     """
     lower, upper = torque_ranges(model, structure.joints).T
     largest = np.minimum(-lower, upper)
@@ -372,7 +374,7 @@ def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
 
 
 def _hip_height(leg: Leg, angles: Floats) -> float:
-    """Return the height of the hip above the foot of the first leg, m; the hip angle is considered zero.
+    """Return the height of the hip above the foot of the first leg, m, if the hip angle were zero.
 
     Args:
         leg: The first leg, with the lengths of thigh and calf.
@@ -385,14 +387,15 @@ def _hip_height(leg: Leg, angles: Floats) -> float:
 
 
 def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
-    """Compute a pose with the feet straight below the thigh joints, at given hip heights (inverse kinematics).
+    """Compute joint angles with each foot straight below its thigh joint, for given hip heights.
 
     Args:
         robot: The robot; its leg lengths and knee directions are used.
-        heights: Height of the hip above the foot's centre for each leg, m.
+        heights: Height of the hip above the foot's centre for each leg, m. Unreachable heights are replaced by the
+            nearest reachable height.
 
     Returns:
-        Joint angles; the hip angles are zero, (12,), rad.
+        Joint angles, (12,), rad; the hip angles are zero.
     """
     upper = robot.thigh_length
     lower = robot.calf_length
@@ -408,7 +411,8 @@ def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
 def _level_feet(robot: RobotParameters) -> RobotParameters:
     """Return a copy of the robot with a home pose in which all feet touch the ground while the trunk is level.
 
-    The legs can have different hip heights or foot shapes. Legs that reach lower are bent more, iteratively.
+    The legs can have different hip heights or foot shapes. The function bends the legs that reach lower further, in
+    several iterations.
     """
     for _ in range(_MAX_LEVEL_ITERATIONS):
         heights = robot.leg_heights
@@ -493,7 +497,7 @@ def _thigh_line(model: Any, structure: RobotStructure, thigh_joint: int, calf_jo
     thigh = int(model.jnt_bodyid[thigh_joint])
     calf = int(model.jnt_bodyid[calf_joint])
     line = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[calf_joint]
-    if model.body_parentid[calf] != thigh:  # The calf's parent is another body, which is welded to the thigh.
+    if model.body_parentid[calf] != thigh:  # Here the calf's parent is another body, which is welded to the thigh.
         positions = structure.body_positions
         rotations = structure.body_rotations
         line = positions[calf] + rotations[calf] @ model.jnt_pos[calf_joint] - positions[thigh]

@@ -1,4 +1,4 @@
-"""Parameters of a quadruped with three joints per leg: names, lengths, home pose and servo gains.
+"""Class with the parameters of a quadruped with three joints per leg, and the parameters of SimpleQuad.
 
 The base frame has x forward, y left, z up, and the origin of the trunk's body (SimpleQuad: the trunk's centre). Joint
 angles are zero with the legs straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths are in
@@ -21,7 +21,7 @@ from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
 LEVEL_TOLERANCE = 2e-4
-"""Height difference between the feet in the home pose up to which the feet count as level, m."""
+"""Largest height difference between the feet in the home pose at which the feet count as level, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +67,12 @@ class RobotParameters:
     servo_stiffness: Floats
     """Gain of the joint servos on the angle error, N·m/rad; stored as (12,).
 
-    One number stands for all joints.
+    The constructor also accepts one number for all joints.
     """
     servo_damping: Floats
     """Gain of the joint servos on the joint speed, N·m·s/rad; stored as (12,).
 
-    One number stands for all joints.
+    The constructor also accepts one number for all joints.
     """
     rated_torque: float
     """Largest torque of every joint, N·m; the servos limit their torques to ± this value."""
@@ -81,23 +81,23 @@ class RobotParameters:
     knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
     """Sign of each calf's angle when the knee is bent: -1 for backward, 1 for forward; stored as (4,).
 
-    One number stands for all legs.
+    The constructor also accepts one number for all legs.
     """
     trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
     """Centre of the trunk's bounding box, base frame, (3,), m."""
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
     """Points that describe the shape of each foot, relative to its centre, (4, k, 3), m.
 
-    They are in the base frame with the legs straight down. The foot is the convex hull of balls about these points,
-    with the radii in `foot_radii`. k is 0 if each foot is one ball.
+    The points are in the base frame with the legs straight down. k is the number of points per foot. The foot is the
+    convex hull of balls about these points, with the radii in `foot_radii`. k is 0 if each foot is one ball.
     """
     foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
-    """Radius of the ball about each point of `foot_points`, (4, k), m."""
+    """Radius of the ball about each of the k points per foot in `foot_points`, (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
     """Servo gains for controllers that need stiff servos: N·m/rad and N·m·s/rad; stored as (2, 12).
 
     The first row is the stiffness, the second row the damping. They are SimpleQuad's gains, scaled by mass and leg
-    length, or the gains in the user's TOML. A pair of two numbers stands for all joints.
+    length, or the gains in the user's TOML. The constructor also accepts two numbers for all joints.
     """
     servo_fixed: bool = False
     """True if every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`.
@@ -113,9 +113,9 @@ class RobotParameters:
 
     @property
     def keeps_contact(self) -> bool:
-        """True if the geoms keep the contact parameters of the robot's model, False if they get SimpleQuad's.
+        """True if the robot's geoms keep the contact parameters of its model, False if they get SimpleQuad's.
 
-        They are kept for the imported robots of the registry, because results with these robots have been published.
+        The imported robots of the registry keep the parameters, because results with these robots have been published.
         """
         return self.imported and self.source is None
 
@@ -136,7 +136,7 @@ class RobotParameters:
 
     @property
     def by_name(self) -> dict[str, Any]:
-        """Name of each parameter -> its value, for all fields of `RobotParameters`."""
+        """Dictionary: name of a field of `RobotParameters` -> the field's value."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
@@ -148,7 +148,7 @@ class RobotParameters:
         return read(self.mjcf)
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy of the parameters in which the fields named in `changes` have the values in `changes`.
+        """Return a copy of the parameters in which the fields named in `changes` have the given values.
 
         The file of the user's model is not read again.
         """
@@ -169,7 +169,7 @@ class RobotParameters:
 
     @cached_property
     def side(self) -> Floats:
-        """Side of each leg: +1 for left legs, -1 for right legs, (4,); the sign of y in the base frame."""
+        """Side of each leg, which is the sign of its y coordinate: +1 for left legs, -1 for right legs, (4,)."""
         return read_only_array(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
@@ -276,7 +276,8 @@ SIMPLE_QUAD_PARAMETERS = RobotParameters(
 )
 """Parameters of SimpleQuad, equal to the values in its model file.
 
-Servo gains, rated speed and home pose of an imported robot are scaled from these if its model does not define them.
+If the model of an imported robot does not define servo gains, rated speed or home pose, these are scaled from
+SimpleQuad's values.
 """
 REFERENCE_MASS = 14.2
-"""Mass of SimpleQuad, kg; servo gains are scaled by the ratio of an imported robot's mass to it."""
+"""Mass of SimpleQuad, kg. The servo gains of another robot are scaled by the ratio of its mass to this mass."""

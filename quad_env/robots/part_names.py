@@ -1,7 +1,7 @@
-"""Names of a robot's bodies, joints, geoms and sites in the scene.
+"""Functions for the names of a robot's bodies, joints, geoms and sites in the simulated scene.
 
-Parts of a user's model have prefixes, so that they do not collide with the names of other parts. Several parts of one
-kind are numbered, such as the geoms of one foot.
+Names of parts of a user's model have prefixes, so that they differ from the names of other parts of the scene. Several
+equal parts, such as the geoms of one foot, are numbered.
 """
 
 import re
@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from typing import Any
 
 ATTACH_PREFIX = "own/"
-"""Prefix of a name in the scene if the part keeps the name in the user's model, such as `own/mount`."""
+"""Prefix in the scene of parts that keep their name from the user's model, such as `own/mount`."""
 RENAMED_PREFIX = "@"
-"""Prefix that marks the parts of a user's model that were renamed to names such as `base_link`.
+"""Prefix that marks renamed parts of a user's model until it is removed, such as `@base_link`.
 
-It is removed after the model has been attached to the scene.
+The prefix is removed after the model has been attached to the scene.
 """
 
 

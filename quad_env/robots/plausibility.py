@@ -13,18 +13,18 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.unlikely_inertias import find_unlikely_armatures, find_unlikely_inertias
 
 MIN_LEG_LENGTH = 0.05
-"""Leg length below which a warning is given, because the model is probably not in metres, m."""
+"""Smallest plausible leg length, m; the lengths of a model with shorter legs are probably not in metres."""
 MAX_LEG_LENGTH = 3.0
-"""Leg length above which a warning is given, because the model is probably in millimetres, m."""
+"""Largest plausible leg length, m; the lengths of a model with longer legs are probably in millimetres."""
 MAX_TORQUE_RATIO = 2.5
-"""Rated torque above which a warning is given, divided by weight times leg length, dimensionless.
+"""Largest plausible rated torque, divided by the robot's weight times its leg length, dimensionless.
 
-SimpleQuad has 1.2; the robots of the installation extra `robots` have 0.2 to 0.6.
+This ratio is 1.2 for SimpleQuad, and 0.2 to 0.6 for the robots of the installation extra `robots`.
 """
 MAX_PRINTED_RATIO = 1e6
 """Largest ratio of rated torque to standing torque that a warning prints as a number.
 
-A larger ratio is printed as this number "or more".
+For a larger ratio, the warning prints this number and "or more".
 """
 _NEGATIVE = {
     "damping": ("dof_damping", "dof_jntid"),
@@ -34,8 +34,8 @@ _NEGATIVE = {
 }
 """Quantity that must not be negative -> fields of `mujoco.MjModel` with its values and with their joints.
 
-The first field contains the values. The second field contains the id of the joint for each row of the first field; it
-is None if the rows are the joints themselves.
+Each pair consists of two field names. The first field contains the values. The second field contains the id of the
+joint for each row of the first field. It is None if row i of the first field belongs to the joint with the id i.
 """
 
 

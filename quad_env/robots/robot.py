@@ -1,4 +1,4 @@
-"""The class `Robot`: parameters of a quadruped, and joint limits, mass and digest of its compiled model."""
+"""The class `Robot`, which has parameters of a quadruped and properties of its compiled MuJoCo model."""
 
 from functools import cached_property
 from pathlib import Path
@@ -15,11 +15,11 @@ from quad_env.robots.scene import build_spec
 from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 
 JOINTS = LEGS * JOINTS_PER_LEG
-"""Number of joints of a robot."""
+"""Number of leg joints of a robot, 12."""
 STIFF = "stiff"
-"""Value of the option `servo` for the gains `stiff_servo` of a robot."""
+"""Value of the option `servo` of `gym.make` that selects the gains `stiff_servo` of a robot."""
 _SHOWN_LENGTH = 80
-"""Largest number of characters of a wrong argument that an error message shows."""
+"""Number of characters of a wrong argument after which an error message shortens it."""
 
 
 class Robot(RobotParameters):
@@ -66,7 +66,7 @@ class Robot(RobotParameters):
         return robot
 
     def with_servo(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> "Robot":
-        """Return a copy of the robot with servo gains that every controller has to use.
+        """Return a copy of the robot with other servo gains, which every controller then has to use.
 
         Invalid gains raise ValueError.
 
@@ -227,5 +227,5 @@ def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
 
 
 def _shown(value: Any) -> str:
-    """Return the first characters of the `repr` of a wrong value, for an error message."""
+    """Return the `repr` of a wrong value for an error message, shortened to `_SHOWN_LENGTH` characters."""
     return one_line(repr(value))[:_SHOWN_LENGTH]

@@ -1,4 +1,4 @@
-"""Building of the MuJoCo model that is simulated: a robot on flat ground, with servos, sensors and a home pose.
+"""Building of the simulated MuJoCo model: a robot on flat ground, with servos, sensors and a home pose.
 
 SimpleQuad's scene is its MJCF file. For any other robot, SimpleQuad is removed from this scene, and the robot's model
 is attached in its place: the body with the free joint and all bodies below it. The joints keep their names and their
@@ -31,16 +31,16 @@ from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX, names_of_p
 from quad_env.robots.shapes import GROUND_BIT
 
 _SENSOR_FIELDS = ("name", "type", "objtype", "objname", "reftype", "refname", "intprm")
-"""Fields of SimpleQuad's sensors that are copied when another robot replaces SimpleQuad in the scene."""
+"""Fields of each of SimpleQuad's sensors that are copied for a robot that replaces SimpleQuad in the scene."""
 _LIGHT_FIELDS = ("mode", "type", "dir", "cutoff", "exponent", "diffuse")
-"""Fields of SimpleQuad's lights that are copied when another robot replaces SimpleQuad in the scene."""
+"""Fields of each of SimpleQuad's lights that are copied for a robot that replaces SimpleQuad in the scene."""
 _REMOVED = ("actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
 """Attributes of `mujoco.MjSpec` with the elements that are deleted from a user's model.
 
 They are deleted before the model is attached to the scene, because the scene has its own elements of these kinds.
 """
 _IMU_SIZE = 0.005
-"""Radius of the site that marks the IMU on the trunk, m. It does not affect the measurements."""
+"""Radius of the site that marks the IMU on the trunk, m; the radius does not affect the measurements."""
 
 
 def build_spec(robot: RobotParameters) -> Any:
@@ -48,11 +48,11 @@ def build_spec(robot: RobotParameters) -> Any:
 
     A ModelError is raised if the file of a user's robot has changed and is not valid any more.
     """
-    import mujoco  # Imported here because commands that only print their help would otherwise wait for MuJoCo.
+    import mujoco  # This is a slow import, which commands that only print their help do not need.
 
     if robot.imported:
         modified = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-        spec = _attach_to_scene(robot, modified).copy()  # The cached scene must not change; its copy compiles equally.
+        spec = _attach_to_scene(robot, modified).copy()  # A copy is changed, because the scene is cached.
     else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     for actuator, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
@@ -64,7 +64,7 @@ def build_spec(robot: RobotParameters) -> Any:
 
 @lru_cache(maxsize=16)
 def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
-    """Make a scene in which a user's robot replaces SimpleQuad. This takes up to half a second.
+    """Make a scene in which a user's robot replaces SimpleQuad, which takes up to half a second.
 
     The order of the steps matters, because elements lose the ids of the compiled model when the `MjSpec` changes.
 
@@ -156,7 +156,7 @@ def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
 def _remove_prefixes(scene: Any) -> None:
     """Remove the prefixes from the names of renamed elements in the `mujoco.MjSpec` `scene`.
 
-    The names in the collision rules are changed in the same way.
+    Collision rules that refer to these elements get the same changed names.
     """
     elements = (*scene.bodies, *scene.joints, *scene.geoms, *scene.sites, *scene.cameras, *scene.lights)
     for element in elements:
@@ -191,7 +191,7 @@ def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
 def _add_sensors(
     scene: Any, robot: RobotParameters, sensors: list[dict[str, Any]], measured_parts: dict[str, list[Any]]
 ) -> None:
-    """Add SimpleQuad's sensors to a user's robot, except the joint sensors.
+    """Add the sensors of SimpleQuad to a user's robot, except SimpleQuad's joint sensors.
 
     Joint sensors are not needed, because the simulation reads joint angles and speeds from `qpos` and `qvel`.
 
@@ -237,7 +237,7 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 def _set_home_pose(scene: Any, robot: RobotParameters) -> None:
     """Add the keyframe `home`, in which the robot stands in its home pose.
 
-    In `qpos0`, the trunk is placed so that straight legs reach the ground.
+    The function also sets the trunk's height in `qpos0`, so that straight legs just reach the ground.
 
     Args:
         scene: The `mujoco.MjSpec` of the scene with the robot, which is changed.

@@ -1,6 +1,6 @@
-"""Geometry of the geoms of a compiled model: bounding boxes, surface points and end spheres.
+"""Geometry of the geoms in a compiled model: bounding boxes, surface points and end spheres.
 
-Further functions return masks: boolean arrays that select bodies or geoms.
+Further functions select bodies or geoms, and return them as ids or as masks (boolean arrays).
 """
 
 from collections.abc import Iterable
@@ -21,13 +21,13 @@ change the self-collisions of the robot.
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Signs of the coordinates of a box's corners relative to its centre, (8, 3)."""
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
-"""Angles of the points on a circle that approximates a round surface, (96,), rad."""
+"""Angles of 96 points on a circle, with which polygons approximate round surfaces, (96,), rad."""
 _CIRCLE = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)
-"""Points of the unit circle, (96, 2)."""
+"""Coordinates x, y of 96 points on the unit circle, (96, 2)."""
 _HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
-"""Heights of the circles of latitude on the unit sphere, from pole to pole, (25,)."""
+"""Coordinates z of 25 circles of latitude on the unit sphere, from pole to pole, (25,)."""
 _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
-"""Points of the unit sphere on circles of latitude, including the poles, (k, 3)."""
+"""Coordinates x, y, z of k points on the unit sphere, which lie on circles of latitude, (k, 3)."""
 
 
 def descendant_mask(model: Any, body: int) -> Bools:

@@ -1,4 +1,4 @@
-"""Dynamic similarity: scales values that were chosen for SimpleQuad to another robot.
+"""Scaling of parameters that were chosen for SimpleQuad to another robot, by dynamic similarity.
 
 Animals of all sizes move in dynamically similar ways at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S.
 Jayes, A dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity g is the same for all
@@ -25,28 +25,28 @@ _UNITS = {
     (1.5, 1.0): ("N·m·s",),
     (0.0, -2.0): ("1/N²",),
 }
-"""Exponents of leg length and mass -> units of the parameters that scale with (leg length)^a · (mass)^b.
+"""Pair of exponents (a, b) -> units of the parameters that scale with (leg length)^a · (mass)^b.
 
-The key is the pair (a, b). For example, times in s scale with the square root of the leg length.
+For example, times in s scale with the square root of the leg length: (0.5, 0) -> "s".
 """
 _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
-"""Unit of a parameter -> exponents of leg length and mass with which the parameter scales between robots."""
+"""Unit of a parameter -> exponents of leg length and mass in the factor between two robots."""
 LATERAL_LENGTH = "m wide"
-"""Unit that marks a distance between left and right feet, in m, when it is scaled to another robot.
+"""Unit of a distance between left and right feet, in m, for `scale_to_robot`.
 
-The distance between the thigh joints is replaced by its value for the other robot; the rest of the distance scales with
-the leg length.
+The distance is the sum of the distance between the left and right thigh joints and a remainder. The other robot's
+distance between the thigh joints replaces the first part, and the remainder scales with the leg length.
 """
 LONGITUDINAL_LENGTH = "m long"
-"""Unit that marks a distance between fore and hind feet, in m, when it is scaled to another robot.
+"""Unit of a distance between fore and hind feet, in m, for `scale_to_robot`.
 
-The distance between the thigh joints is replaced by its value for the other robot; the rest of the distance scales with
-the leg length.
+The distance is the sum of the distance between the fore and hind thigh joints and a remainder. The other robot's
+distance between the thigh joints replaces the first part, and the remainder scales with the leg length.
 """
 HIP_HEIGHT = "m high"
-"""Unit that marks a height of the hips above the feet, in m, when it is scaled to another robot.
+"""Unit of a height of the hips above the feet, in m, for `scale_to_robot`.
 
-It scales with the hip height in the home pose instead of the leg length.
+The height scales with the hip height in the home pose instead of the leg length.
 """
 KNEE_SIGN_SUFFIX = " ahead"
 """Suffix of the unit of a forward quantity with a sign that depends on the direction in which the knees bend.
@@ -94,14 +94,16 @@ def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
     Args:
         robot: The other robot.
         value: The parameter for SimpleQuad.
-        unit: Unit of the parameter, such as "m/s". `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` and units that
-            end in `KNEE_SIGN_SUFFIX` are also valid.
+        unit: Unit of the parameter, such as "m/s", which determines the factor. `LATERAL_LENGTH` and
+            `LONGITUDINAL_LENGTH` mark distances between feet, and `HIP_HEIGHT` marks heights of the hips. If
+            `KNEE_SIGN_SUFFIX` follows the unit, the parameter also gets the sign of the knees' bend direction relative
+            to SimpleQuad's knees.
 
     Returns:
         The parameter for the other robot, in the same unit.
     """
     if robot == SIMPLE_QUAD:
-        return value  # The computation below could round the value.
+        return value  # The value is not computed, because the computation below could round it.
     if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
         return _thigh_distance(robot, unit) + scale_factor(robot, "m") * (value - _thigh_distance(SIMPLE_QUAD, unit))
     if unit == HIP_HEIGHT:

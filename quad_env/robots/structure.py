@@ -1,9 +1,9 @@
 """Detection of the trunk and the legs of a user's robot in its compiled model.
 
-They are found by the kinematic tree and the joint axes; names and order of bodies and joints do not matter. The robot
-is the body with the free joint, and all bodies below it. The trunk is the body from which all legs hang: the body with
-the free joint, or a body welded to it. A leg is a chain of three hinges below the trunk: the first about the trunk's x
-axis, the others about the leg's y axis.
+The detection uses the kinematic tree and the joint axes, but not the names and the order of bodies and joints. The
+robot is the body with the free joint, and all bodies below it. The trunk is the body from which all legs hang: the body
+with the free joint, or a body welded to it. A leg is a chain of three hinges below the trunk: the first about the
+trunk's x axis, the others about the leg's y axis.
 
 This package measures joint angles from the pose with the legs straight down; hips turn about +x, thighs and calves
 about +y. The signs and offsets in `Leg` convert the joint angles of the user's model to these angles.
@@ -43,33 +43,33 @@ JOINTS_PER_LEG = 3
 LINKS = ("hip", "thigh", "calf")
 """Names of the links of a leg, and of the joints that move them, from the trunk to the foot."""
 LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
-"""Word of a joint's name -> the leg that it means: fl, fr, hl or hr (f: front, h: hind, l: left, r: right).
+"""Word of a joint's name -> the leg that the word means: fl, fr, hl or hr (front or hind, left or right).
 
-It contains only words that mean the same leg in all models.
+The dictionary contains only words that mean the same leg in all models.
 """
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
-"""Word of a joint's name -> digits of the joints that it can mean: 0 for hip, 1 for thigh, 2 for calf.
+"""Word of a joint's name -> digits of the joints that the word can mean: 0 for hip, 1 for thigh, 2 for calf.
 
 The word `hip` has two digits, because some makers use it for the thigh joint, too.
 """
 MIN_BEND_ANGLE = 0.1
-"""Angle of a calf, rad, from which its sign shows the direction in which the knee bends.
+"""Smallest magnitude of a calf angle at which its sign shows the direction in which the knee bends, rad.
 
-The angle is the middle between the limits of the calf joint; it is zero with a straight leg.
+The calf angle is the middle between the limits of the calf joint; it is zero with a straight leg.
 """
 _PARALLEL_COSINE = 0.999
-"""Cosine of the angle between two joint axes from which the axes are considered parallel."""
+"""Smallest cosine of the angle between two joint axes at which the axes are considered parallel."""
 _LENGTH_TOLERANCE = 0.02
 """Largest valid difference between the dimensions of a robot's legs, as a fraction of the leg length.
 
-The controllers use the same dimensions for all legs.
+The difference is limited because the controllers use the same dimensions for all legs.
 """
 _MIN_LINK_LENGTH = 1e-3
-"""Smallest valid length of a thigh or a calf, m; a shorter link is an error in the model."""
+"""Smallest valid length of a thigh or a calf, m; a shorter length means that the model has an error."""
 
 
 class ModelError(ValueError):
-    """Error about a user's model that cannot be used as a quadruped; the message is one line."""
+    """Error that is raised if a user's model cannot be used as a quadruped; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,15 @@ class Leg:
     signs: Floats
     """Direction of the hip, thigh and calf axes in the model, (3,).
 
-    It is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
+    Each number is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
     """
     joint_offsets: Floats
     """Hip, thigh and calf angles in the pose `qpos0`, measured from the leg straight down, (3,), rad."""
     hip: Floats
-    """Position of the hip joint: point on the hip's axis at the x of the thigh joint, base frame, (3,), m."""
+    """Position of the hip joint, base frame, (3,), m.
+
+    It is the point on the axis of the hip joint that has the same x coordinate as the thigh joint.
+    """
     hip_offset: float
     """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
     thigh_length: float
@@ -96,7 +99,7 @@ class Leg:
     calf_length: float
     """Distance from the calf joint to the centre of the foot, m."""
     foot: Foot
-    """Foot of the leg. Its points are in the base frame with the leg straight down, not in the body frame."""
+    """Geoms and shape of the foot; its points are in the base frame with the leg straight down."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ class RobotStructure:
     def signs(self) -> Floats:
         """Directions of the leg joints' axes in the model, (12,).
 
-        It is +1 if a hip turns about +x, or a thigh or calf about +y, and -1 for the opposite direction.
+        Each number is +1 if a hip turns about +x, or a thigh or calf about +y, and -1 for the opposite direction.
         """
         return np.concatenate([leg.signs for leg in self.legs])
 
@@ -287,8 +290,8 @@ def find_root_body(mujoco: Any, model: Any) -> int:
 def _free_joint_remedy(model: Any) -> str:
     """Return the remedy for a model without a free joint, for the error message.
 
-    The remedy depends on the fault: the trunk is fixed to the world, or it moves by other joints (such as three slides
-    of a planar robot), or the legs hang from the world.
+    The remedy depends on the fault of the model. There are three cases: the trunk is fixed to the world, the trunk has
+    other joints than a free joint (three slides of a planar robot, for example), or the legs hang from the world.
     """
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
     counts = {body: int(descendant_mask(model, body)[model.jnt_bodyid].sum()) for body in firsts}
@@ -303,7 +306,7 @@ def _free_joint_remedy(model: Any) -> str:
         )
     root_joints: list[int] = []
     body = root
-    while True:  # The joints that move a planar trunk may belong to several nested bodies, so all are visited.
+    while True:  # The joints that move a planar trunk may belong to several nested bodies.
         start = int(model.body_jntadr[body])
         root_joints += range(start, start + int(model.body_jntnum[body]))
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
@@ -331,7 +334,7 @@ def _joints_below(model: Any, body: int) -> Bools:
 def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
     """Find the branches of the kinematic tree that start at the trunk or at a body welded to the trunk.
 
-    Legs are branches; an arm or a head with joints is one, too.
+    Each leg is a branch. An arm or a head with joints is a branch, too.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -418,7 +421,7 @@ class _Chain(NamedTuple):
     signs: Floats
     """Directions of the hip, thigh and calf axes, (3,).
 
-    It is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
+    Each number is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
     """
     leg_rotation: Floats
     """Rotation from the base frame to the leg frame, (3, 3): x forward, y along the thigh's axis to the left."""
@@ -511,7 +514,7 @@ def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[F
 
 
 def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
-    """Check that both links of a leg have a length, and that the thigh joint is level with the hip's axis.
+    """Check that thigh and calf have a length, and that the thigh joint is at the height of the hip's axis.
 
     The kinematics of this package have no vertical offset between hip joint and thigh joint.
 
@@ -615,10 +618,11 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
 
 
 def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tuple[float, float]:
-    """Estimate the range of tilts that a shin has while the robot stands.
+    """Estimate the smallest and the largest tilt that a shin can have while the robot stands.
 
-    The tilt is the angle about the axis of the calf joint in the model, zero for straight down. In the direction in
-    which the knee bends, the range covers the tilt in the model's keyframes, within the bounds of `StanceTilts`.
+    The tilt is the angle of the shin about the axis of the calf joint in the model, zero for straight down. In the
+    direction in which the knee bends, the range covers the tilt in the model's keyframes. `StanceTilts` bounds this
+    range.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -639,7 +643,7 @@ def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tup
 
 
 def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
-    """Infer the bend direction of a knee from the limits of the calf joint.
+    """Infer the direction in which a knee bends from the limits of its calf joint.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -657,7 +661,9 @@ def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
 
 
 def _name_legs(legs: list[Leg]) -> tuple[Leg, ...]:
-    """Name the legs by the positions of their hips (fl, fr, hl, hr), and make hip offsets positive outward.
+    """Name the legs by the positions of their hips, and make their hip offsets positive outward.
+
+    The names are fl, fr, hl and hr (f: front, h: hind, l: left, r: right).
 
     Args:
         legs: The four legs without names, with hip offsets that are positive to the left.

@@ -1,8 +1,9 @@
-"""Ranges of the joint torques that the actuators of a user's model can apply, by MuJoCo's rules.
+"""Computation of the ranges of the joint torques that the actuators of a user's model can apply.
 
-The torques of all actuators of a joint are added. An actuator acts on one joint, or through a fixed tendon on several
-joints. The range of a torque is unknown if the actuator's force has no limit, or if the actuator's lever arm depends on
-the pose. The latter holds for actuators of sites, slider-cranks and spatial tendons.
+It follows MuJoCo's rules. The torques of all actuators of a joint are added. An actuator acts on one joint, or through
+a fixed tendon on several joints. The range of a torque is unknown if the actuator's force has no limit, or if the
+actuator's lever arm depends on the pose. The lever arm depends on the pose for actuators of sites, slider-cranks and
+spatial tendons.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ import numpy as np
 from quad_env.robots.shapes import Bools, Floats
 
 UNKNOWN = (-np.inf, np.inf)
-"""Range of a torque, N·m, or force, N, that the model does not limit: from minus infinity to infinity."""
+"""Range of a torque, N·m, or force, N, that is unknown or not limited: from minus infinity to infinity."""
 NUM_POSES = 4
 """Number of random poses in which `_moved_joints` searches for the joints that an actuator moves."""
 _POSE_STD = 0.3
@@ -44,7 +45,10 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
 
 
 class _JointTotals(NamedTuple):
-    """Sums of the torques that all actuators of a model can apply to each joint; filled actuator by actuator."""
+    """Sums of the torques that all actuators of a model can apply to each joint.
+
+    The method `add` adds the torques of one actuator.
+    """
 
     ranges: Floats
     """Smallest and largest sum of the torques on each joint, (njnt, 2), N·m."""
@@ -63,7 +67,7 @@ class _JointTotals(NamedTuple):
 
 
 _TendonForces = dict[int, list[tuple[float, Floats]]]
-"""Id of a tendon -> gear ratio and force range of each actuator that pulls on the tendon.
+"""Type of a dictionary: id of a tendon -> gear ratio and force range of each actuator that pulls on the tendon.
 
 The range is the smallest and largest force before the gear ratio is applied, (2,), N or N·m.
 """
@@ -80,7 +84,7 @@ def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForc
         totals: Sums of the torques on each joint, which are changed.
 
     Returns:
-        Forces of the actuators of each fixed tendon, for `_add_tendons`.
+        Id of a fixed tendon -> gear ratio and force range of each of its actuators, for `_add_tendons`.
     """
     kinds = mujoco.mjtTrn
     tendon_forces: _TendonForces = {}
@@ -168,14 +172,14 @@ def _scale_range(factor: float, force: Floats) -> Floats:
 
     Zero times infinity is zero here, because a gear ratio of zero transmits no force.
     """
-    with np.errstate(over="ignore"):  # An overflow gives infinity, which correctly means that the range is unknown.
+    with np.errstate(over="ignore"):  # An overflow to infinity is correct: the range is then unknown.
         return np.sort(factor * force) if factor else np.zeros(2)
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     """Return the smallest and largest force of an actuator before its gear ratio is applied, (2,), N or N·m.
 
-    They are infinite if the model does not limit the force.
+    Both are infinite if the model does not limit the force.
 
     Args:
         mujoco: The package `mujoco`.
@@ -183,7 +187,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
         actuator: Id of the actuator.
 
     Returns:
-        The range, (2,).
+        Smallest and largest force, (2,), N, or torque, N·m.
     """
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
@@ -198,10 +202,10 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
         bias = 0.0 if no_bias else float(biases[0])
         force = _scale_range(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
     if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
-        force = np.array((-np.inf, 0.0))  # A muscle only pulls.
+        force = np.array((-np.inf, 0.0))  # The upper limit is 0, because a muscle can only pull.
     brakes = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_AFFINE and not gains[:2].any()
     if brakes and no_bias and model.actuator_plugin[actuator] < 0:
-        return np.zeros(2)  # The actuator is a damper, which cannot drive the joint.
+        return np.zeros(2)  # The torque is 0, because a damper cannot drive the joint.
     if model.actuator_forcelimited[actuator]:
         force = force.clip(*model.actuator_forcerange[actuator])
     return force

@@ -1,6 +1,6 @@
 """Detection of inertias in a user's model that are implausible for the mass and size of a link.
 
-They are most often placeholders, such as ixx = 1000 kg·m² for a link of 0.15 kg.
+Implausible inertias are most often placeholders, such as ixx = 1000 kg·m² for a link of 0.15 kg.
 """
 
 from typing import Any, NamedTuple
@@ -15,18 +15,19 @@ from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_id
 MAX_INERTIA_RATIO = 10.0
 """Largest plausible moment of inertia of a link, divided by its mass times the square of its reach.
 
-The reach is the distance from the centre of mass to the farthest point of the link; a point mass there has the ratio 1.
-The links of the robots of the installation extra `robots` have at most 0.9.
+The reach is the distance from the centre of mass to the farthest point of the link. A point mass at this point has the
+ratio 1. The ratio is at most 0.9 for the links of the robots of the installation extra `robots`.
 """
 MAX_ARMATURE_RATIO = 0.1
 """Largest plausible armature of a joint, divided by the robot's mass times the square of its leg length.
 
-The robots of the installation extra `robots` have at most 0.014.
+The quotient is at most 0.014 for the robots of the installation extra `robots`.
 """
 _MIN_REACH = 0.1
-"""Smallest distance from a link's centre of mass to its farthest point, as a fraction of the leg length.
+"""Lower bound on the reach of a link in the inertia check, as a fraction of the leg length.
 
-It is assumed for links with smaller shapes or no shapes.
+The reach is the distance from a link's centre of mass to its farthest point. The bound applies to links with smaller
+shapes or no shapes.
 """
 _NEGLIGIBLE = 5e-3
 """Moment of inertia up to which no warning is given, divided by the robot's mass times squared leg length.
@@ -41,13 +42,13 @@ class UnlikelyInertia(NamedTuple):
     body: int
     """Id of the link's body in the robot's compiled model."""
     name: str
-    """Name of the link in the user's file, or in our scene if the link has no name in the file."""
+    """Name of the link in the user's file, or in the simulated scene if the link has no name in the file."""
     moment: float
     """Largest principal moment of inertia of the link, kg·m²."""
     mass: float
     """Mass of the link, kg."""
     reach: float
-    """Distance from the link's centre of mass to its farthest point, m."""
+    """Distance from the link's centre of mass to the farthest point of the link, m."""
 
     @property
     def max_moment(self) -> float:
@@ -112,5 +113,5 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
 
 
 def _name(model: Any, body: int) -> str:
-    """Return the name of the body with id `body` in the scene `model`, without the prefixes of imported parts."""
+    """Return the name of the body with the id `body` in the compiled `model`, without prefixes of imported parts."""
     return str(model.body(body).name).removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX)

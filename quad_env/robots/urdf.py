@@ -10,12 +10,12 @@ from quad_env.robots.missing_files import record_missing_files
 from quad_env.robots.structure import ModelError
 
 MESH_SUFFIXES = (".stl", ".obj", ".msh")
-"""Endings of the mesh files that MuJoCo can read from a URDF."""
+"""Endings of the names of mesh files that MuJoCo can read from a URDF."""
 MIN_LINK_INERTIA = 1e-12
 """Smallest moment of inertia of a link in a URDF that is kept, kg·m².
 
-Inertias with only smaller moments are set to 0. Converters write them for links that are only frames, and MuJoCo
-refuses them.
+If all moments of an inertia are smaller, they are set to 0. File converters write these small moments for links that
+are only frames, and MuJoCo refuses them.
 """
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 """Pattern of a mesh name with a ROS package: name of the package, and path of the file in the package."""
@@ -24,8 +24,8 @@ _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 def load_urdf(mujoco: Any, path: Path) -> Any:
     """Load a URDF as a `mujoco.MjSpec`. The root link gets a free joint if the URDF has none.
 
-    A visual shape is left out if its mesh file is missing or has a format that MuJoCo cannot read. A collision shape
-    with this fault raises ModelError.
+    A visual shape is left out if its mesh file is missing or has a format that MuJoCo cannot read. For a collision
+    shape with this fault, ModelError is raised.
 
     Args:
         mujoco: The package `mujoco`.

@@ -1,4 +1,4 @@
-"""SimpleQuad, the simple quadruped of the article on which this benchmark is based."""
+"""SimpleQuad, the quadruped of the article on which this benchmark is based: the robot and its joint names."""
 
 from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS
 from quad_env.robots.robot import Robot
