@@ -26,7 +26,7 @@ def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        The measured values of all five benchmarks, and the checks if they meet their requirements. The result also has
+        The measured values of all five benchmarks, with the checks of their requirements. The result also has
         the names of the requirements that only other benchmark commands check.
     """
     quick = options.quick

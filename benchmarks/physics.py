@@ -51,7 +51,8 @@ def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations, speed ratios and accuracies of the settings. It also has the check of the requirement `physics`.
+        Durations, speed ratios and accuracies of the settings. The result also has the check of the requirement
+        `physics`.
 
     Raises:
         UsageError: A setting is unknown.

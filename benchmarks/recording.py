@@ -53,7 +53,7 @@ def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations of all episodes. It also has the check of the requirement `recording`.
+        Durations of all episodes. The result also has the check of the requirement `recording`.
     """
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)

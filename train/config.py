@@ -65,9 +65,10 @@ MIXTURE = (
 )  # fmt: skip
 """Default scenarios of the training, each with the fraction of the robots that train on it.
 
-A name such as `push:3` means level 3 of the disturbance axis `push`; a higher level is more severe. Every axis has one
-or two levels above its nominal level. The small delay of `latency:2` is included, because robots that train only on a
-delay of 0.08 s perform worse than their base policy at 0.03 s."""
+A name such as `push:3` means level 3 of the disturbance axis `push`; a higher level is more severe. Each axis is
+included one or two levels above its nominal level, the level of the name without a number. The small delay of
+`latency:2` is included, because robots that train only on a delay of 0.08 s perform worse than their base policy at
+0.03 s."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
@@ -105,14 +106,14 @@ class PpoConfig:
     learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
     """Learning rate of the Adam optimiser at the start of the run."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
-    """linear: the learning rate changes linearly to learning-rate-final at the last step; adaptive: it is lowered or
-    raised to keep the KL divergence near target-kl."""
+    """Change of the learning rate during the run. linear: to learning-rate-final at the last step; constant: none;
+    adaptive: lowered or raised to keep the KL divergence near target-kl."""
     learning_rate_final: float = parameter(0.0, limits=(0.0, 1.0))
     """Learning rate at the last step of the run, only for the linear schedule."""
     target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
     """Target KL divergence of the policies before and after one update, for the adaptive schedule, nat."""
     hold: int = parameter(2, limits=(1, 1000))
-    """Control steps of 10 ms for which a correction is held, in training and in the trained policy."""
+    """Number of control steps of 10 ms for which a correction is held, in training and in the trained policy."""
     gamma: float = parameter(0.98, limits=(0.0, 1.0))
     """Discount factor per learner step, 0 to 1."""
     gae_lambda: float = parameter(0.95, limits=(0.0, 1.0))
@@ -120,11 +121,11 @@ class PpoConfig:
     entropy: float = parameter(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus in the PPO loss."""
     log_std_init: float = parameter(-2.0, limits=_LOG_STD_LIMITS)
-    """Natural logarithm of the standard deviation of the exploration noise at the start; noise as a fraction of the
-    largest correction (--joint-authority, --hip-authority)."""
+    """Natural logarithm of the standard deviation of the exploration noise at the start of the run. The noise is a
+    fraction of --joint-authority or --hip-authority."""
     log_std_final: float | None = parameter(None, limits=_LOG_STD_LIMITS)
-    """Natural logarithm of the standard deviation of the exploration noise at the last step, reached linearly; by
-    default the standard deviation is learned."""
+    """Natural logarithm of the standard deviation of the exploration noise at the last step, to which it changes
+    linearly; by default the standard deviation is learned."""
     actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Numbers of units in the hidden layers of the policy network."""
     critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
@@ -154,7 +155,8 @@ class TrainConfig:
     """Train a policy for SimpleQuad-v0 with PPO: a bounded correction on a base policy, or one without a base."""
 
     policy: PolicyKind = "residual"
-    """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
+    """residual: the network corrects the policy --base. end-to-end: the network moves the robot without a gait of a
+    base policy; --base is a fixed pose, crouch or stand."""
     recipe: RecipeName = "default"
     """Set of default values of all other options. joystick: --robot go1 learns to walk from scratch in minutes; only
     for --policy end-to-end."""
@@ -171,8 +173,8 @@ class TrainConfig:
     robot than SimpleQuad."""
     start: Path | None = None
     """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. --base,
-    --inputs, authorities and network widths must be equal. The value network and the noise of a run are loaded
-    too."""
+    --inputs, authorities and network widths must be equal. The value network and the exploration noise of a
+    run are loaded too."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
@@ -194,8 +196,8 @@ class TrainConfig:
     """Give the network a height scan of the ground around the robot, see --scan."""
     scan: HeightScan = dataclasses.field(default_factory=HeightScan)
     mixture: tuple[tuple[str, float], ...] = MIXTURE
-    """Scenarios of the training, each with its share of the robots; also combined ones, payload=15+slope=10, and
-    flat+randomised, with domain randomisation."""
+    """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
+    payload=15+slope=10; the suffix +randomised adds domain randomisation."""
     commands: Literal["scenario", "random"] = "scenario"
     """scenario: a new velocity command every 5 s. random: new commands at random times, every 5 s on average, in which
     each component can also be zero or unchanged."""
@@ -216,8 +218,8 @@ class TrainConfig:
     """Robot that is trained: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
     """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, for example 35/0.5, or stiff,
-    the gains that the scripted controllers need. By default from the base policy; end-to-end: the gains of the robot,
-    which are its maker's."""
+    the gains that the scripted controllers need. By default the gains of the base policy, or with --policy end-to-end
+    the gains of the robot's manufacturer."""
     actuator: str = "ideal"
     """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -344,7 +346,10 @@ def check(config: TrainConfig) -> None:
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:
-    """Raise UsageError if hardware options are given for a scenario with the hardware profile."""
+    """Raise UsageError if hardware options are given for a scenario with the robot's hardware profile.
+
+    The profile defines the motors and sensors of the real robot, so that the options cannot choose others.
+    """
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
     on_profile = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
     if on_profile and config.hardware.is_customized:

@@ -1,4 +1,7 @@
-"""Curriculum of a training run: adapts the difficulty of each scenario to how well commands are tracked."""
+"""Curriculum of a training run, which adapts the difficulty of each scenario to the success of the robots on it.
+
+The difficulty rises if the robots track their velocity commands, and falls if they do not.
+"""
 
 import dataclasses
 from collections.abc import Sequence
@@ -44,16 +47,25 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
 
 
 FAST_PROMOTION_RATE = 0.9
-"""Fraction of tracked command intervals above which the difficulty of a scenario rises by two `DIFFICULTY_STEP`."""
+"""Fraction of command intervals above which the difficulty of a scenario rises by two times `DIFFICULTY_STEP`.
+
+A command interval is the time during which a velocity command is constant. The fraction counts the intervals in which
+the robot tracks the command."""
 PROMOTION_RATE = 0.7
-"""Fraction of tracked command intervals above which the difficulty of a scenario rises by one `DIFFICULTY_STEP`."""
+"""Fraction of command intervals above which the difficulty of a scenario rises by `DIFFICULTY_STEP`.
+
+A command interval is the time during which a velocity command is constant. The fraction counts the intervals in which
+the robot tracks the command."""
 DEMOTION_RATE = 0.5
-"""Fraction of tracked command intervals below which the difficulty of a scenario falls by one `DIFFICULTY_STEP`."""
+"""Fraction of command intervals below which the difficulty of a scenario falls by `DIFFICULTY_STEP`.
+
+A command interval is the time during which a velocity command is constant. The fraction counts the intervals in which
+the robot tracks the command."""
 DIFFICULTY_STEP = 0.1
 """Smallest change of the difficulty of a scenario in the curriculum, dimensionless.
 
-The difficulty is between 0 and 1. The disturbance of the scenario, for example its pushes, has several numbered levels:
-0 is the mildest level, and 1 is the severity of the scenario in the option --mixture."""
+The difficulty 0 stands for the mildest level of the scenario's disturbance, for example of its pushes. The difficulty 1
+stands for the severity of the scenario in the option --mixture."""
 MIN_INTERVALS = 10
 """Smallest number of finished command intervals in a scenario for which its difficulty may change.
 
@@ -140,7 +152,7 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
 def update_difficulties(
     difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
 ) -> list[float]:
-    """Compute new difficulties: higher if most commands were tracked, lower if few commands were tracked.
+    """Compute new difficulties of the scenarios: higher if most commands were tracked, lower if few were tracked.
 
     Args:
         difficulties: Difficulty of each of the s scenarios, from 0 to 1.

@@ -1,4 +1,4 @@
-"""Learning curve of a training run: a plot of success and cost of transport of its validations."""
+"""Draws the learning curve of a training run: success and cost of transport in its validations, over the steps."""
 
 import io
 from collections.abc import Callable, Mapping, Sequence

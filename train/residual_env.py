@@ -36,7 +36,7 @@ TROT_OFFSETS = (0.0, 0.5, 0.5, 0.0)
 
 The order is front left, front right, hind left, hind right. Diagonal legs have the same phase."""
 MAX_SCALED_CORRECTION = 100.0
-"""Bound of the action space if corrections are not clipped, as a multiple of the authority.
+"""Bound of the action space if corrections are not clipped, as a multiple of the authority (unit of the corrections).
 
 Stable-Baselines3 needs a finite action space."""
 

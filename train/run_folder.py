@@ -15,8 +15,8 @@ CONFIG_FILE = "config.json"
 RECORD_FILE = "run.json"
 """Name of the JSON file with the command line that repeats a training run.
 
-The file also lists the revision and the package versions of each session. A session is the part of a run that one
-process trains."""
+The file also lists the revision of the source code and the package versions of each session. A session is the part of a
+run that one process trains."""
 METRICS_FILE = "metrics.jsonl"
 """Name of the file with the training metrics, one line of JSON per rollout."""
 TENSORBOARD = "tensorboard"

@@ -24,7 +24,7 @@ from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """Convert the settings to a dictionary of JSON types.
+    """Convert the settings `config` of a training run or a distillation to a dictionary of JSON types.
 
     The options `out`, `resume` and `threads` are left out, because they do not affect the trained policy.
     """
@@ -183,7 +183,7 @@ def changed_options(default: Any, config: Any) -> str:
 def evaluation_command(config: TrainConfig) -> str:
     """Return the command line that evaluates the best policy of a training run.
 
-    The command has the hardware settings of the run. For a residual, it evaluates the base policy too.
+    The command has the hardware settings of the run. For a residual policy, it evaluates the base policy too.
     """
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []

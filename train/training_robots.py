@@ -336,8 +336,8 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
 
     Args:
         config: Settings of the training run.
-        hardware_profile: True: make the policy for scenarios with the robot's hardware profile. The policy has the same
-            servo gains as without the profile.
+        hardware_profile: True to make the policy for scenarios with the robot's hardware profile, which are the motors,
+            delays and sensors of the real robot. The servo gains of the policy do not depend on this argument.
 
     Returns:
         The base policy, with the servo gains of the run. A pose, the base of an end-to-end policy, has the

@@ -36,7 +36,7 @@ def validate(
         nthread: Number of simulation threads.
         hardware: Robot, servo gains, motor model, sensors and estimator.
         hardware_profile: Variant of the policy for scenarios with the robot's hardware profile, which are the motors,
-            delays and sensors of the real robot. None: `policy` is used there too.
+            delays and sensors of the real robot. None: `policy` controls the robots on these scenarios too.
 
     Returns:
         Name of the scenario -> name of the metric -> mean over the episodes.

@@ -84,7 +84,6 @@ def make_command(
 
     The main function parses the options, runs the benchmark, prints the result and writes the JSON file.
 
-
     Args:
         kind: Dataclass of the options.
         measure: Function that runs the benchmark with the parsed options and returns the result.

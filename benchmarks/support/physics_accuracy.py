@@ -48,8 +48,7 @@ class Accuracy:
     """Accuracy of one physics setting, made by `measure_accuracy`.
 
     The first three fields compare simulated strides with the same strides in the reference simulation. Each of them is
-    the largest deviation over all recorded strides.
-    `bars.ACCURACY_BARS` has the limit of each field.
+    the largest deviation over all recorded strides. `bars.ACCURACY_BARS` has the limit of each field.
     """
 
     trunk_mm: float

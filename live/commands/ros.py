@@ -31,7 +31,7 @@ class RosOptions(EpisodeOptions):
     record: Path | None = None
     """MCAP file for a recording; it must not exist."""
     version: Literal["1", "2"] | None = None
-    """Version of ROS; by default the sourced version, otherwise the first version that is found."""
+    """Version of ROS; by default the version with a sourced setup file, otherwise the first version that is found."""
     network: Flag = False
     """Accept connections from other machines, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say. ROS has no passwords:
     everyone with access to the ports controls the robot. By default only this machine can connect."""

@@ -35,11 +35,13 @@ STANDARD_TOPICS = {
 `Messages.topics` adds the contact topics, which depend on the names of the robot's legs.
 """
 LATCHED_TOPICS = ("/robot_description", "/tf_static")
-"""Topics with a single message at the start of a recording; ROS keeps it for subscribers that connect later."""
+"""Topics with a single message at the start of a recording.
+
+ROS keeps the message for subscribers that connect later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
-"""Text of the event that is recorded when a push or a fall ends: nothing special happens any more."""
+"""Text of the event that is recorded when a push or a fall is over."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
 """Covariance matrix of nine zeros, which means in the ROS message `Imu` that the covariance is unknown."""

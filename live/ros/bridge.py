@@ -209,7 +209,7 @@ class Bridge:
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:
-            """Return a dictionary: name of a keyword argument -> list of numbers in `infos` under its value."""
+            """Return the readings of the robot that the arguments NAME=KEY select: NAME -> numbers in `infos[KEY]`."""
             return {name: infos[reading].tolist() for name, reading in names.items()}
 
         imu = numbers(quaternion="quaternion", angular_velocity="angular_velocity")

@@ -111,8 +111,9 @@ class ViewController:
         """Return the choices that a page offers to the user.
 
         Returns:
-            Dictionary: `robot`, name of the robot; `policies`, names of the policies; `axes`, list of the disturbance
-            axes with name, unit, levels and nominal level.
+            Dictionary: `robot`, name of the robot; `policies`, names of the policies; `axes`, list of dictionaries, one
+            for each kind of disturbance: its name, the unit of its severity, the severities of its levels, and the
+            severity of its default level.
         """
         robot = self.sessions[0].env.robot
         return {

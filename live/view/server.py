@@ -40,9 +40,9 @@ FRAME_ACK = "drawn"
 """Message with which a page reports that it has shown an image and is ready for the next image."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in CONTENT_TYPES} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
-"""Function that is called in the server's thread with every text message from a page.
+"""Type of the function that is called in the server's thread with every text message from a page.
 
-It returns the answer that the server sends back to the same page, or None for no answer.
+The function returns the answer that the server sends back to the same page, or None for no answer.
 """
 HOST = "127.0.0.1"
 PORT = 8080

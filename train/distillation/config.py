@@ -107,11 +107,11 @@ class DistillationConfig:
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Inputs of the network besides the current observation. If the frequency of the clock is 0, the step frequency of
-    the teacher is used."""
+    """Inputs of the network besides the current observation. If the frequency of their clock is 0, the clock has the
+    step frequency of the teacher."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
-    """Scenarios of the student, each with its share of the robots; also combined ones, payload=15+slope=10, and
-    flat+randomised, with domain randomisation."""
+    """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
+    payload=15+slope=10; the suffix +randomised adds domain randomisation."""
     max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     fit: FitConfig = dataclasses.field(default_factory=FitConfig)

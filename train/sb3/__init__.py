@@ -1,1 +1,1 @@
-"""Training with Stable-Baselines3 (SB3): environment adapter, PPO, callbacks and checkpoints."""
+"""Training with Stable-Baselines3 (SB3): adapter of the environment, PPO, callbacks, logs and checkpoints."""

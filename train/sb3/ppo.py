@@ -1,4 +1,7 @@
-"""Learner: PPO of Stable-Baselines3 (SB3) that starts with a mean correction of zero; export of its actor."""
+"""Makes the learner of a training run, PPO of Stable-Baselines3 (SB3), and converts its actor to a NumPy network.
+
+The actor (policy network) computes corrections of the base policy. Their mean is zero at the start of a run.
+"""
 
 import dataclasses
 from functools import partial

@@ -50,7 +50,7 @@ class SearchOptions:
     """Command-line options of every parameter search: budget, scenarios and files."""
 
     seed: int = parameter(0, limits=(0, 2**31))
-    """Seed of the search: of CMA-ES and of the episodes."""
+    """Seed of the random numbers of CMA-ES, and of the episodes of the search."""
     generations: int = parameter(14, limits=(0, 10_000))
     """Number of generations of CMA-ES; with 0 the start parameters are only completed, compared and written."""
     candidates: int = parameter(14, limits=(4, 1000))
@@ -60,7 +60,8 @@ class SearchOptions:
     steps: int = parameter(750, limits=(MIN_EPISODE_STEPS, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(108, limits=(1, 10_000))
-    """Number of new episodes per scenario on which the result is completed and compared with the old parameters."""
+    """Number of new episodes per scenario, for the completion of the result and for its comparison with the old
+    parameters."""
     spread: float = parameter(0.15, limits=(1e-6, 0.5))
     """Initial standard deviation of each parameter, as a fraction of its range."""
     threads: int = parameter(2, limits=(1, 256))
@@ -104,9 +105,10 @@ class SearchProblem(Generic[P]):
     costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
     """Cost function: takes k candidates and the seeds of the episodes, and returns k mean costs; smaller is better."""
     finalize: Callable[[P], tuple[str, str]]
-    """Function that completes the result: takes the mean of the last generation of CMA-ES, as parameters.
+    """Function that completes the result of the search and describes it.
 
-    It returns two texts: the contents of the parameter file (JSON) and of the report (Markdown)."""
+    It takes the mean of the last generation of CMA-ES, as parameters, and can fit further parameters. It returns two
+    texts: the contents of the parameter file (JSON) and of the report (Markdown)."""
     file: Path
     """Path of the parameter file that the search writes if --out is not given."""
     account: str

@@ -69,9 +69,10 @@ GRADES = {
     "touchdown_impulse": SaturatingCost(0.05, 0.0, 0.03),
     "trunk_height": SaturatingCost(0.15, 0.85, -0.1),
 }
-"""Metric of an episode -> its cost function in a parameter search, in the unit of the metric.
+"""Name of a metric of an episode -> function from the metric to its cost in a parameter search.
 
-A metric that is NaN has the maximum cost, because the robot fell immediately."""
+The threshold and the scale of each function are in the unit of the metric. A metric that is NaN has the maximum cost,
+because the robot fell immediately."""
 COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
