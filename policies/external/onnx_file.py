@@ -86,7 +86,7 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 
 
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
-    """Return the largest difference between the outputs of `act` and `network`, relative to outputs larger than 1.
+    """Return the largest difference between the outputs of `act` and `network`, relative to outputs above 1.
 
     Both are called with `count` random inputs. The result is infinite if the shapes of the outputs differ, and NaN if
     an output is NaN.
@@ -96,7 +96,8 @@ def _max_difference(act: ActFunction, network: Network, count: int) -> float:
     if corrections.shape != (count, network.sizes[-1]):
         return np.inf
     expected = network(features)
-    return float((np.abs(corrections - expected) / np.maximum(np.abs(expected), 1.0)).max())
+    scale = np.maximum(np.abs(expected).max(axis=1, keepdims=True), 1.0)
+    return float((np.abs(corrections - expected) / scale).max())
 
 
 def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | None = None) -> float:
