@@ -182,9 +182,8 @@ def _load(entry_point: EntryPoint) -> Extension | None:
     """
     try:
         extension = entry_point.load()
-    except (
-        Exception
-    ) as error:  # All exceptions are caught, because the code of another package may raise any exception.
+    except Exception as error:
+        # All exceptions are caught, because the code of another package may raise any exception.
         _warn(entry_point, f"{type(error).__name__}: {error}")
         return None
     if not isinstance(extension, Extension):

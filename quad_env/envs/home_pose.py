@@ -65,7 +65,8 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         return self._space.targets(action)
 
 
-class VectorHomePoseActions(VectorWrapper):  # without type parameters, because Gymnasium 1.2 takes none
+# The base class has no type parameters, because it does not accept any in Gymnasium 1.2.
+class VectorHomePoseActions(VectorWrapper):
     """Wrapper that gives a vector environment the action space `HomePoseSpace`; action 0 is the home pose.
 
     Args:

@@ -73,5 +73,6 @@ def _draw_arrow(geom: mujoco.MjvGeom, arrow: Arrow) -> bool:
     colour = np.array(arrow.colour, np.float32)
     mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
     mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
-    geom.size[2] *= 2.0  # because MuJoCo draws half of this length
+    # The length is doubled, because MuJoCo draws half of it.
+    geom.size[2] *= 2.0
     return True

@@ -1,4 +1,4 @@
-"""Interface that each physics engine implements, with the methods of MuJoCo's batch, and its factory."""
+"""Interface that each physics engine implements, and a function that creates the interface to an engine."""
 
 from typing import Any, Protocol
 
@@ -10,7 +10,9 @@ _NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpol
 
 
 class Batch(Protocol):
-    """Interface to a physics engine that simulates n robots of one compiled model, like MuJoCo's batch.
+    """Interface to a physics engine that simulates n robots of one compiled model.
+
+    The methods are methods of MuJoCo's class `mujoco.batch.Batch`.
 
     The arrays have one row per robot, with the names, order, units and frames of MuJoCo's fields.
     """
@@ -97,13 +99,16 @@ def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch
             "model of the robot has; it supports linear damping; use mujoco instead"
         )
     if simulator == DRAKE:
-        from quad_env.physics.drake.batch import DrakeBatch  # here, because Drake is an optional dependency
+        # The module is imported here, because Drake is an optional dependency.
+        from quad_env.physics.drake.batch import DrakeBatch
 
         return DrakeBatch(model, num_envs)
     if simulator == WARP:
-        from quad_env.physics.warp_batch import WarpBatch  # here, because MuJoCo Warp is an optional dependency
+        # The module is imported here, because MuJoCo Warp is an optional dependency.
+        from quad_env.physics.warp_batch import WarpBatch
 
         return WarpBatch(model, num_envs)
-    from quad_env.physics.mujoco_batch import MujocoBatch  # here, because MuJoCo takes long to import
+    # The module is imported here, because the import of MuJoCo takes long.
+    from quad_env.physics.mujoco_batch import MujocoBatch
 
     return MujocoBatch(model, num_envs, nthread)

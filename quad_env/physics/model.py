@@ -63,7 +63,8 @@ def compile_model(
     torque_limit = _set_actuators(spec, scenario.motors, actuator, robot)
     model = _compile_at_home_height(spec)
     model.actuator_forcerange[:] = np.stack((-torque_limit, torque_limit), axis=-1)
-    model.jnt_actfrclimited[:] = False  # because the torque limit of the motors, set above, must be the only one
+    # The joints have no torque limits of their own, because only the motors limit the torque.
+    model.jnt_actfrclimited[:] = False
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     if options != NO_SIMPLIFICATION:
@@ -259,7 +260,8 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
         pos=(0.0, 0.0, height),
-        ipos=(0.0, 0.0, 0.0),  # because the default, `pos`, would place the mass twice as high
+        # Without this value, MuJoCo would take `pos`, and so place the centre of mass twice as high.
+        ipos=(0.0, 0.0, 0.0),
         mass=payload.mass,
         inertia=(moment, moment, moment),
         explicitinertial=True,

@@ -1,4 +1,4 @@
-"""Interface to MuJoCo: its own batch of robots, with a list of supported features."""
+"""Interface to MuJoCo: MuJoCo's class `Batch` with the list of supported features."""
 
 from mujoco.batch import Batch
 

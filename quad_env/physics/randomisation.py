@@ -1,4 +1,4 @@
-"""Writer of the parameters that domain randomisation draws into the MuJoCo models of n robots."""
+"""Writer that puts the random parameters of domain randomisation into the MuJoCo models of n robots."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

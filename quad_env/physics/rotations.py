@@ -1,4 +1,4 @@
-"""Rotation mathematics: quaternions from roll, pitch and yaw, cross products, cross-product matrices."""
+"""Functions for rotations: quaternions from roll, pitch and yaw; cross products and their matrices."""
 
 import numpy as np
 

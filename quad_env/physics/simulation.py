@@ -1,4 +1,4 @@
-"""Simulation of n robots: physics of a scenario, with actuators, sensors, payloads and pushes."""
+"""Simulation of n robots in a scenario: it resets and steps their physics, and computes their states."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -208,7 +208,8 @@ class Simulation:
         """Meter of motor work, heat and foot impulses; None if `SimulationConfig.has_meter` is False."""
         self.probe = None if config.imu is None else IdealSensors(robot, self.batch, model, 1 / config.control_rate)
         """Reader of noise-free sensor values of IMU, joints and feet; None if `SimulationConfig.imu` is None."""
-        if self.probe is not None:  # because the probe overwrites the outputs of the last physics step
+        if self.probe is not None:
+            # The torques are copied, because the probe overwrites the outputs of the last physics step.
             self.torque = self.probe.copy(self.torque)
 
     def _bind_contacts(self, names: _ContactSensorNames) -> None:
@@ -246,7 +247,8 @@ class Simulation:
         """Return the height above the home height, m, from which robots are lowered to the ground at the start."""
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
-        if isinstance(self.terrain, HeightField):  # because this ground may be at any height and have many small cells
+        if isinstance(self.terrain, HeightField):
+            # The height of the highest point is added, because this ground may be at any height.
             clearance += self.terrain.heights.min_height + self.terrain.heights.span
         return clearance
 
@@ -573,7 +575,7 @@ class Simulation:
     def snapshot(self, robot: int) -> mujoco.MjData:
         """Return a copy of the MuJoCo data of the robot with the index `robot`, with all derived fields.
 
-        The attribute `model` gets the field values of this robot.
+        The method also writes the model fields of this robot into the attribute `model`.
         """
         self.sync_model(robot)
         data = self.batch.get_data(robot)

@@ -1,4 +1,4 @@
-"""State of one robot or of n robots, for observations, rewards and fall detection, and its frame conversions."""
+"""State of one robot or of n robots for observations, rewards and falls; conversions between frames."""
 
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
@@ -17,13 +17,13 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     """
 
     position: Components[ScalarOrBatch]
-    """Trunk centre, world frame, (3), m."""
+    """Position of the trunk centre, world frame, (3), m."""
     height: ScalarOrBatch
     """Height of the trunk centre above the terrain below it, m."""
     standing_height: float
     """Height of the trunk centre in the home pose on level ground, m."""
     rotation: Rotation[ScalarOrBatch]
-    """Rotation matrix from the base frame to the world frame, (3)(3)."""
+    """Rotation matrix from the base frame to the world frame: three rows of three components."""
     linear_velocity: Components[ScalarOrBatch]
     """Velocity of the trunk centre, base frame, (3), m/s."""
     angular_velocity: Components[ScalarOrBatch]
@@ -31,7 +31,7 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     heading_velocity: Components[ScalarOrBatch]
     """Velocity of the trunk in the heading frame (world frame rotated by the yaw), (3).
 
-    It is the forward velocity, m/s, the lateral velocity, m/s, and the yaw rate about the world's vertical, rad/s.
+    The components are the forward and the lateral velocity, m/s, and the yaw rate about the vertical, rad/s.
     """
     vertical_velocity: ScalarOrBatch
     """Vertical velocity of the trunk centre, world frame, m/s."""

@@ -97,7 +97,8 @@ class WarpBatch(ArrayBatch):
         """
         if self._is_model_stale:
             self._upload_expanded_fields()
-        run = self._compiled_steps(nstep)  # before the state is uploaded, because compiling steps the robots
+        # The steps are compiled before the state is uploaded, because the compilation steps the robots.
+        run = self._compiled_steps(nstep)
         self._upload_state()
         run()
         self._download_state(slice(None) if ids is None else ids)

@@ -110,9 +110,8 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     content = _content(path)
     try:
         values = _values(content, path.suffix.lower(), peak)
-    except (
-        Exception
-    ) as error:  # All exceptions are caught, because Pillow raises many kinds of exceptions for damaged files.
+    except Exception as error:
+        # All exceptions are caught, because Pillow raises many kinds of exceptions for damaged files.
         raise ValueError(f"{file}: {format_exception(error).removeprefix('ValueError: ')}") from error
     lowest = float(values.min())
     highest = float(values.max())

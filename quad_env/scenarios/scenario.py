@@ -194,7 +194,8 @@ def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: flo
 def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
     """Multiply the lengths of stairs or random ground, `terrain`, by `factor`; return other terrains unchanged."""
     if isinstance(terrain, Stairs):
-        landing = max(1.0, factor) * terrain.landing  # because a smaller robot needs the same room at the start
+        # The landing is not made shorter, because a smaller robot needs the same room at the start.
+        landing = max(1.0, factor) * terrain.landing
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):

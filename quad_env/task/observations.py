@@ -191,7 +191,8 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
     Raises:
         ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
-    if observations == ():  # This usual case must be fast, because policies call this function at every step.
+    # The usual case must be fast, because policies call this function at every step.
+    if observations == ():
         return ()
     if isinstance(observations, str | ObservationTerm):
         observations = (observations,)

@@ -97,7 +97,8 @@ class DrakeBatch(ArrayBatch):
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
-            except (RuntimeError, SystemExit):  # SystemExit if an assertion of Drake fails, for example for NaN
+            except (RuntimeError, SystemExit):
+                # Drake raises SystemExit if an assertion fails, for example because of NaN.
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
         for sensor in self._sensors.values():
             sensor.data[rows, 0] = sensor.source[rows][:, sensor.geoms].sum(axis=1)

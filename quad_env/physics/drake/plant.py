@@ -17,9 +17,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from quad_env.columns import EnvIndices
 
-logging.getLogger("drake").setLevel(
-    logging.ERROR
-)  # because Drake warns that deformable bodies do not collide with half spaces
+# Drake's warnings are hidden, because Drake warns that deformable bodies do not collide with half spaces.
+logging.getLogger("drake").setLevel(logging.ERROR)
 
 DISSIPATION = 10.0
 """Hunt-Crossley dissipation d of contacts, s/m.
@@ -161,7 +160,8 @@ def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) ->
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
-            brake.set_default_rotor_inertia(armature)  # because Drake uses the rotor inertia of a joint's last actuator
+            # The inertia is set here too, because Drake uses the rotor inertia of a joint's last actuator.
+            brake.set_default_rotor_inertia(armature)
             brake.set_controller_gains(tree.PdControllerGains(p=0.0, d=torque / _STICTION_SPEED))
 
 
