@@ -3,8 +3,8 @@
 import sys
 from pathlib import Path
 
-# The folder of the project comes first in the import path. Otherwise a file `evaluate.py` in the user's folder would
-# hide the package `evaluate`.
+# The folder of the project must come first in the import path.
+# Otherwise a file `evaluate.py` in the user's folder would hide the package `evaluate` of the project.
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -72,8 +72,8 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
                 model.set_logger(logger)
                 actions = resumed.actions if resumed else ()
                 callback = TrainingCallback(config, env, display, interrupt, state, actions)
-                # The log interval, the third argument, is longer than the run. This turns off SB3's own log, because
-                # its moving averages include steps before the last checkpoint, which a resumed run does not know.
+                # The third argument is a log interval that is longer than the run, which turns off SB3's own log.
+                # SB3's log has moving averages over steps before the last checkpoint, unknown to a resumed run.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 

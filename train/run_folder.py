@@ -63,7 +63,7 @@ def refuse_folder_in_use(folder: Path) -> None:
     allowed = [CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS]
     if has_checkpoint(folder):
         allowed.append(LAST)
-    temporary = tuple(f".{name}." for name in allowed)  # prefixes of temporary files of an interrupted write
+    temporary = tuple(f".{name}." for name in allowed)  # Temporary files of an interrupted write start so.
     if any(entry.name not in allowed and not entry.name.startswith(temporary) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 
@@ -77,9 +77,8 @@ def new_run_folder(folder: Path) -> Iterator[None]:
     with report_write_errors(folder):
         make_writable_folder(folder)
         with exclusive_lock(folder):
-            refuse_folder_in_use(
-                folder
-            )  # second check, because another run may have started in the folder since the first one
+            # The folder is checked again, because another run may have started in it since the first check.
+            refuse_folder_in_use(folder)
             yield
 
 

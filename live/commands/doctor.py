@@ -97,7 +97,7 @@ def check_exists(name_or_path: str) -> None:
     """
     try:
         import policies
-    except ImportError:  # returns silently, because a later check reports the missing package in more detail
+    except ImportError:  # A later check reports the missing package in more detail.
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)

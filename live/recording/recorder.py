@@ -119,7 +119,7 @@ class McapRecorder:
         context = multiprocessing.get_context("spawn")
         writer_end, self._rows = context.Pipe(duplex=False)
         self._answer, answer = context.Pipe(duplex=False)
-        # Errors are ignored, because only Linux can set the size of a pipe.
+        # Errors are ignored, because only Linux can set the size of a pipe, and the default size works too.
         with contextlib.suppress(ImportError, AttributeError, OSError):
             import fcntl
 
@@ -135,7 +135,7 @@ class McapRecorder:
         try:
             if not self._rows.closed:
                 self._rows.send(row)
-        except OSError:  # because the writer process has ended; `close` raises the error of that process
+        except OSError:  # raised if the writer process has ended; `close` raises the error of that process
             self.close()
 
     def close(self) -> None:

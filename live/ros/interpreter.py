@@ -22,12 +22,12 @@ ROOT = Path(__file__).parents[2]
 DEFAULT_MASTER = "http://localhost:11311"
 _PROFILE = str(Path(__file__).with_name("loopback.xml"))
 LOOPBACK_ENVIRONMENT = {
-    # Set because ROS 1 listens on all network interfaces unless its own address is a loopback address.
+    # Without this address, ROS 1 would listen on all network interfaces.
     "ROS_IP": "127.0.0.1",
-    # The next two variables limit the discovery of ROS 2 nodes to this machine; a version of ROS 2 reads one of them.
-    # The profile is also needed, because the middleware Fast DDS would still receive packets from other machines.
+    # Each version of ROS 2 reads one of the next two variables, which limit the discovery of nodes to this machine.
     "ROS_LOCALHOST_ONLY": "1",
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    # Without this profile, the middleware Fast DDS of ROS 2 would still receive packets from other machines.
     "FASTRTPS_DEFAULT_PROFILES_FILE": _PROFILE,
     "FASTDDS_DEFAULT_PROFILES_FILE": _PROFILE,
 }
@@ -101,5 +101,5 @@ def _is_local(uri: str) -> bool:
     host = urlsplit(uri).hostname
     try:
         return host == "localhost" or ip_address(host or "").is_loopback
-    except ValueError:  # the host is another name, and its address may change
+    except ValueError:  # raised if the host is another name, which can be the name of another machine
         return False

@@ -59,7 +59,7 @@ def main(version: str, joints: list[str]) -> None:
         return
     Node(link, transport, joints).run()
     transport.close()
-    os._exit(0)  # because threads of ROS may still run
+    os._exit(0)  # ends the process even if threads of ROS still run
 
 
 def _transport(version: str) -> Any:
@@ -165,7 +165,7 @@ def _send_packet(link: socket.socket, packet: dict[str, Any]) -> None:
     """Send a packet as JSON to the simulation; end this process if the simulation has ended."""
     try:
         link.send(json.dumps(packet).encode())
-    except OSError:  # because the simulation has ended
+    except OSError:  # raised if the simulation has ended and closed its end of the socket
         os._exit(0)
 
 

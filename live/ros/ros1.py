@@ -34,7 +34,8 @@ class Ros1:
         _refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
         uri = rosgraph.get_master_uri()
         self.where = "ROS 1, master " + uri
-        socket.setdefaulttimeout(MASTER_TIMEOUT)  # because another program may listen there and never answer
+        # A time limit is needed, because a program that is no ROS master may listen at the URI and never answer.
+        socket.setdefaulttimeout(MASTER_TIMEOUT)
         online = rosgraph.is_master_online()
         socket.setdefaulttimeout(None)
         if not online:
@@ -75,7 +76,8 @@ def _start_master(uri: str) -> None:
     """Start a ROS master in this process at a URI; raise OSError if the port of the URI is in use."""
     port = urlsplit(uri).port or rosmaster.master.DEFAULT_MASTER_PORT
     address = rosgraph.network.get_bind_address()
-    with socket.socket() as probe:  # because a ROS master does not report that its port is in use
+    # The port is tested before the start, because a ROS master does not report that its port is in use.
+    with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((address, port))

@@ -45,11 +45,11 @@ class RosProcess:
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
         if sys.platform != "linux":
             raise RosProcessError("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
-        # The sockets are of the type "sequential packets", because these packets arrive complete or not at all. They
-        # have no address, so that no other process can connect.
+        # The sockets are of the type "sequential packets", because these packets arrive complete or not at all.
+        # The sockets have no address, so that no other process can connect to them.
         self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with child_socket:
-            # The ROS process has a separate session, because Ctrl-C must not reach it: the simulation ends it.
+            # The ROS process runs in a session of its own, because Ctrl-C must not end it: the simulation ends it.
             self._process = subprocess.Popen(
                 command, stdin=child_socket.fileno(), env=dict(environment), start_new_session=True
             )

@@ -123,7 +123,8 @@ def _episodes(recorded: Sequence[_RecordedStep], session: Session, max_steps: in
     episodes = recorder.episodes()
     scenario = session.env.scenario
     if recorded[0].step.number != 0:
-        scenario = replace(scenario, dropouts=None)  # because their times are counted from the start of the episode
+        # The times of dropouts are counted from the start of the episode, at which the record does not start.
+        scenario = replace(scenario, dropouts=None)
     return replace(
         episodes,
         push_step=push_starts[None],

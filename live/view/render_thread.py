@@ -59,7 +59,7 @@ class RenderThread:
         """Draw an image and pass it to `show`; store the reason in `failure` if that is impossible."""
         try:
             frame = self._draw(requests)
-        except Exception as error:  # because graphics drivers raise many kinds of exceptions
+        except Exception as error:  # Graphics drivers raise many kinds of exceptions.
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
             return
         self._show(frame)

@@ -118,7 +118,7 @@ class Server:
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
         """Let the server's thread call the function `call`; the result is ignored."""
-        with contextlib.suppress(RuntimeError):  # because the server's thread may have ended
+        with contextlib.suppress(RuntimeError):  # raised if the server's thread has ended
             self._loop.call_soon_threadsafe(call)
 
     async def _run(self) -> None:
@@ -156,7 +156,7 @@ class Server:
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        method = getattr(request, "method", "GET")  # because older versions of websockets accept only GET
+        method = getattr(request, "method", "GET")  # Older versions of websockets accept only GET.
         if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
             refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
             refused.headers["Allow"] = "GET, HEAD"

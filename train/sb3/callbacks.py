@@ -192,7 +192,7 @@ class TrainingCallback(BaseCallback):
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.replay(seeds, self._actions)
-            self._robots.pop_statistics()  # discards the statistics of rollouts that were logged already
+            self._robots.pop_statistics()  # The statistics of repeated rollouts are discarded.
             self._display.estimator.restart()
 
     def _on_rollout_end(self) -> None:
