@@ -160,8 +160,8 @@ class Session:
     def _action(self) -> Actions:
         """Compute the joint targets of the next control step, (1, 12), rad.
 
-        For POLICY_BLEND_TIME after a change of the policy, the targets change smoothly from the last targets of the
-        previous policy to the targets of the new policy.
+        After a change of the policy, the targets change smoothly to the targets of the new policy. The transition
+        starts from the last targets of the previous policy and takes POLICY_BLEND_TIME.
         """
         action = self.policy.act(self.latest.observation)
         if self._policy_changed_at is None:

@@ -209,8 +209,8 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
         robot: Robot that the policy controls.
 
     Yields:
-        Lines about control rate, joint order, servo gains and observation terms, and one line for each assumption that
-        was made because the deployment file is incomplete.
+        Lines about control rate, joint order, servo gains and observation terms. A line for each assumption about facts
+        that the deployment file does not define follows.
     """
     yield f"rate    {spec.control_rate:g} Hz"
     yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"

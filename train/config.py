@@ -54,9 +54,8 @@ TIMESTEP = 0.005
 SOLVER_ITERATIONS = 4
 """Largest number of iterations of MuJoCo's contact solver per physics step in training.
 
-Validation and evaluation use the number of the robot model, 30. With the time step and the number of iterations of the
-robot model, the simulation of a control step takes three to four times as long as with `TIMESTEP` and
-`SOLVER_ITERATIONS`."""
+Validation and evaluation use the number of the robot model, 30, and a shorter time step. A control step then takes
+three to four times as long as with `TIMESTEP` and `SOLVER_ITERATIONS`."""
 MIXTURE = (
     ("flat:2", 0.05), ("flat:4", 0.06), ("push:3", 0.20), ("rough:3", 0.12), ("stairs:3", 0.08), ("gravel:3", 0.07),
     ("soft:4", 0.03), ("slope:4", 0.05), ("slippery:4", 0.03), ("latency:2", 0.02), ("latency:4", 0.03),

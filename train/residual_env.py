@@ -91,8 +91,8 @@ class BaseGroup:
     def act(self, observation: FloatArray) -> None:
         """Update `action` and `features` of the group from a new observation.
 
-        `observation`, (n, m), has a row of m numbers for each of the n robots of the environment, not only for the
-        robots of the group.
+        `observation`, (n, m), has a row of m numbers for each of the n robots of the environment. The method selects
+        the rows of the group.
         """
         group_observation = observation[self.rows]
         self.action = self.base.act(group_observation)

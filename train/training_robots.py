@@ -352,8 +352,8 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
 def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
     """Make the base policies of a training run, each with its number of robots.
 
-    The first policy is for scenarios without the robot's hardware profile (motors, delays and sensors of the real
-    robot), and the second for scenarios with it. A policy for zero robots is left out.
+    The first policy is for scenarios without the robot's hardware profile, and the second for scenarios with it. The
+    profile has the motors, delays and sensors of the real robot. A policy for zero robots is left out.
     """
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():

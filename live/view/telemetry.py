@@ -68,8 +68,9 @@ class Telemetry:
         """Return the present state of the robot for the page, as JSON types.
 
         Returns:
-            Dictionary with policy, outcome, position, m, heading and tilt, degrees, velocity, m/s and rad/s, and the
-            telemetry rows since the last call under the key `rows`.
+            Dictionary: name of the policy; outcome of the episode as text; position and height, m; heading and tilt,
+            degrees; velocity, m/s and rad/s; largest torque and correction as fractions of their limits. The key `rows`
+            has the telemetry rows since the last call.
         """
         infos = self._session.latest.infos
         policy = self._session.policy

@@ -82,9 +82,8 @@ class RunningNormalization(BaseFeaturesExtractor):
     Args:
         observation_space: Observation space of the learner.
         privileged: Number of privileged entries at the end of an observation.
-        mirror: Left-right mirror of an observation. Mean and standard deviation are then computed from observations and
-            their mirror images, so that the normalised mirror image is the mirror image of the normalised observation.
-            None if only the observations are used.
+        mirror: Left-right mirror of an observation. Mean and standard deviation then cover observations and mirror
+            images. So the order of normalisation and mirror does not matter. None if only the observations are used.
     """
 
     mean: torch.Tensor

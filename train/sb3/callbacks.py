@@ -334,8 +334,8 @@ class TrainingCallback(BaseCallback):
 
         If a segment is unfinished, the checkpoint has the actions of all robots since its start. The bundle is written
         before the checkpoint. If the process is killed in between, the resumed run repeats the steps and writes the
-        bundle again. At step 0 the checkpoint is written first, because a folder with a bundle and no checkpoint could
-        neither be resumed nor used for a new run.
+        bundle again. At step 0 the checkpoint is written first. Otherwise the folder of a run that is killed in between
+        could neither be resumed nor used for a new run.
         """
         self._state.seconds = self._seconds
         self._last_checkpoint_step = self.num_timesteps

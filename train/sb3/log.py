@@ -75,8 +75,8 @@ def cut_metrics(folder: Path, steps: int) -> None:
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
     """Open the SB3 logger of a training run, and close it at the end of the context.
 
-    TensorBoard writes in a thread. If an OSError occurs in the thread, for example because the disk is full, the thread
-    does not print it, because the next write of the logger raises the same error.
+    TensorBoard writes in a thread. An OSError in the thread, for example because the disk is full, is not printed
+    there. The next write of the logger raises the same error.
 
     Args:
         folder: Folder of the run.

@@ -90,7 +90,7 @@ COST_DESCRIPTION = (
 def episode_costs(measures: Measures) -> Floats:
     """Compute the cost of each of n episodes in a parameter search, (n,).
 
-    The cost is the sum of the cost of the outcome, the cost of the largest velocity error, and the costs of the metrics
+    The cost of an episode is a sum: cost of the outcome, cost of the largest velocity error, and costs of the metrics
     in `GRADES`.
     """
     total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])

@@ -140,9 +140,10 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
         members: Number of candidates.
 
     Returns:
-        Response matrix R of each candidate, (members, 4, 3). The model of the mean velocity (forward, lateral, yaw
-        rate) in a command interval is the row vector (forward command, lateral command, yaw-rate command, 1) times R.
-        R is fitted to the intervals without a fall. R is zero if a candidate has fewer than MIN_INTERVALS of them.
+        Response matrix R of each candidate, (members, 4, 3). A command interval has a constant velocity command with
+        the components f (forward), l (lateral) and y (yaw rate). The mean velocity (forward, lateral, yaw rate) in the
+        interval is modelled as the row vector (f, l, y, 1) times R. R is fitted to the intervals without a fall. R is
+        zero if a candidate has fewer than MIN_INTERVALS of them.
     """
     measures = measure(walk)
     command = measures.commands.reshape(members, -1, 3)
@@ -174,9 +175,9 @@ def candidate_costs(
 ) -> Floats:
     """Compute the cost of each candidate of the trot search, averaged over all episodes and scenarios.
 
-    The command map of a candidate is fitted after the search. So the tracking error is not measured against the
-    command, but against the velocity that the candidate's linear response on the first scenario predicts for the
-    command. A weak response has an extra cost.
+    The command map of a candidate is fitted after the search. So the tracking error of an episode is not the difference
+    from the command. It is the difference from the velocity that the candidate's linear response predicts for the
+    command. The response is measured on the first scenario. A weak response has an extra cost.
 
     Args:
         candidates: Parameters of each candidate.
