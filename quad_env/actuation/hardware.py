@@ -25,10 +25,10 @@ ESTIMATOR = "kalman"
 It was chosen because policies succeeded in more validation episodes under pushes than with the estimator
 `complementary`. On rough ground, they succeeded in equally many episodes.
 """
-# The source of the peak torques and speeds is unitreerobotics/unitree_ros, go1_description and go2_description,
-# xacro/const.xacro. The linkage of the calf multiplies the torque by 1.5.
-# The source of the torque-speed line is the manufacturer's unitree_rl_lab, assets/robots/unitree_actuators.py, Go2HV:
-# 20.2 N·m up to 13.5 rad/s, and 0 N·m at 30 rad/s. The line therefore has the stall torque 20.2 · 30 / (30 - 13.5) N·m.
+# Peak torques and speeds are from unitreerobotics/unitree_ros, go1_description and go2_description, xacro/const.xacro.
+# The torque of a calf motor is 1.5 times as large at the joint, because a linkage multiplies it.
+# The torque-speed line is from the manufacturer's unitree_rl_lab, assets/robots/unitree_actuators.py, motor Go2HV.
+# The line gives 20.2 N·m at 13.5 rad/s and 0 N·m at 30 rad/s, so the stall torque is 20.2 · 30 / (30 - 13.5) N·m.
 _GO = TorqueSpeed(stall_torque=(36.7, 36.7, 55.1), no_load_speed=(30.1, 30.1, 20.06), peak_torque=(23.7, 23.7, 35.55))
 CURVES = {"go1": _GO, "go2": _GO}
 """Name of a robot -> published torque-speed curve of its hip, thigh and calf motors.

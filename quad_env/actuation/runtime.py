@@ -61,12 +61,12 @@ class ActionDelay:
         """Store the targets of this control step, and return the delayed targets that the servos receive.
 
         Args:
-            targets: Joint targets of the policies, (n, 12), rad.
+            targets: Joint targets of the policies for all n robots, (n, 12), rad.
             clock: Number of control steps since the start of the episode, for each of k selected robots, (k,).
             env_ids: Indices of the k selected robots, (k,); the other robots keep their delayed targets.
 
         Returns:
-            Delayed targets of all robots, (n, 12), rad.
+            Delayed targets of all n robots, (n, 12), rad.
         """
         slots = len(self._target_buffer)
         self._target_buffer[clock % slots, env_ids] = targets[env_ids]

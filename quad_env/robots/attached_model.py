@@ -267,8 +267,8 @@ def rename_elements(attached: AttachedModel) -> None:
             element.name = element.name or f"{RENAMED_PREFIX}{kind}_{number}"
     attached.root.name = RENAMED_PREFIX + "base_link"
     for geom in elements.geoms.values():
-        # With priority 0, the geoms leave the friction of a contact to the ground, which has priority 1: the scenario
-        # sets the friction of the ground. With condim 3, contacts have sliding friction only.
+        # With priority 0, the friction of a contact is the friction of the ground, because the ground has priority 1.
+        # With condim 3, contacts have only sliding friction, and neither torsional nor rolling friction.
         geom.priority = 0
         geom.condim = 3
     for leg in attached.structure.legs:

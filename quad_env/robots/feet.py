@@ -22,11 +22,14 @@ class StanceTilts:
     """Tilts of the shin that a standing robot can have; geoms that touch the ground at one of them are the foot."""
 
     margin: float = 0.3
-    """Angle that is added to the shin's tilt in the model's keyframes, which gives the largest tilt in stance, rad."""
+    """Margin that is added to the shin's largest tilt in the model's keyframes to get its largest tilt in stance, rad.
+
+    It is also the largest tilt in the direction in which the knee does not bend.
+    """
     min_bent: float = 0.8
-    """Lower bound on the largest tilt of the shin in the direction in which the knee bends, rad."""
+    """Largest tilt of the shin in stance, in the knee's bend direction, if the keyframes give a smaller one, rad."""
     max_bent: float = 1.0
-    """Upper bound on the largest tilt of the shin in the direction in which the knee bends, rad."""
+    """Largest tilt of the shin in stance, in the knee's bend direction, if the keyframes give a larger one, rad."""
     max_roll: float = 0.4
     """Largest tilt of the shin to the left and to the right, rad."""
 
@@ -176,7 +179,7 @@ def _hull_foot(
         knee: Position of the knee, world frame, (3,), m.
         down: Direction from the knee to the middle of the foot, unit vector, world frame, (3,).
         length: Distance along `down` from the knee to the lowest point of the leg's last link, m.
-        hulls: Id of a geom -> points on the surface of this geom, world frame, (k, 3), m.
+        hulls: Id of a geom -> k points on the surface of this geom, world frame, (k, 3), m.
 
     Returns:
         The foot: a ball for the kinematics, and the points and radii that describe the exact shape.
@@ -275,7 +278,7 @@ def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, fl
         geom: Id of the geom.
 
     Returns:
-        points: Centres of the balls, world frame, (k, 3), m.
+        points: Centres of k balls, world frame, (k, 3), m.
         radius: Radius of the balls, m; 0 unless the geom is a sphere or a capsule.
     """
     points, radius = rounded_hull(model, geom)
@@ -291,7 +294,7 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
         model: Compiled `mujoco.MjModel`.
         data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
         joint: Id of the knee joint.
-        hulls: Id of a geom of the leg's last link -> points on its surface, world frame, (k, 3), m.
+        hulls: Id of a geom of the leg's last link -> k points on its surface, world frame, (k, 3), m.
 
     Returns:
         Unit vector, world frame, (3,); None if the geoms lie at the knee.
@@ -301,8 +304,7 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
     length = distances[farthest]
-    # Use the component perpendicular to the knee's axis, because the centre of a wide foot may lie outside the plane
-    # in which the leg bends.
+    # The component along the knee's axis is removed, because a wide foot may have its centre outside the leg's plane.
     down = _normal_direction(_end_centre(model, data, farthest, knee) - knee, axis)
     if down is None:
         return None
@@ -316,11 +318,11 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
 def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
     """Refine an estimate of the direction from the knee to the middle of the leg's end by fixed-point iteration.
 
-    Each iteration uses the point that is farthest along the present direction, halfway between the front and the rear
-    of the geoms.
+    In each iteration, the new direction points to the middle of the foot. The middle is as far along the present
+    direction as the farthest of the points, and halfway between the foremost and the rearmost point.
 
     Args:
-        points: Points of the geoms at the leg's end, relative to the knee, world frame, (k, 3), m.
+        points: Positions of k points of the geoms at the leg's end, relative to the knee, world frame, (k, 3), m.
         down: First estimate of the direction, unit vector, world frame, (3,).
         axis: Axis of the knee, unit vector, world frame, (3,).
 
@@ -343,7 +345,7 @@ def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
     Args:
         model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
-        hull: Points on the surface of the geom, world frame, (k, 3), m.
+        hull: Positions of k points on the surface of the geom, world frame, (k, 3), m.
         down: Direction of the leg, unit vector, world frame, (3,).
 
     Returns:
@@ -375,7 +377,7 @@ def _is_short(points: Floats, down: Floats, length: float) -> bool:
     """Return True if a geom is too short for a shin, so that it can be a foot.
 
     Args:
-        points: Points on the surface of the geom, world frame, (k, 3), m.
+        points: Positions of k points on the surface of the geom, world frame, (k, 3), m.
         down: Direction of the leg, unit vector, world frame, (3,).
         length: Distance from the knee to the sole, m.
 
@@ -432,8 +434,8 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     balls, so that the foot is exact when the leg points straight down.
 
     Args:
-        points: Points of a foot, base frame with the leg straight down, (k, 3), m.
-        radii: Radii of the balls about the points, (k,), m; the foot is the convex hull of these balls.
+        points: Positions of k points of a foot, base frame with the leg straight down, (k, 3), m.
+        radii: Radii of the balls about the k points, (k,), m; the foot is the convex hull of these balls.
 
     Returns:
         points: Extreme points, followed by the lowest points of balls with a radius above 0, (points, 3), m.
@@ -452,11 +454,11 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
 def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
     """Compute the depth of each foot's lowest point below the foot's centre.
 
-    Each foot is the convex hull of balls about its points.
+    Each foot is the convex hull of balls about its k points.
 
     Args:
         points: Points of the feet relative to their centres, base frame with the legs straight down, (..., k, 3), m.
-        radii: Radii of the balls about the points, (..., k), m.
+        radii: Radii of the balls about the k points, (..., k), m.
         angles: Joint angles of the legs (hip, thigh, calf), zero with the legs straight down, (..., 3), rad.
         up: Unit vector that points up in the world, base frame, (..., 3).
 
@@ -479,7 +481,7 @@ def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Fl
     """Compute the middle of a foot's sole, which consists of the lowest points of the foot.
 
     Args:
-        points: Points on the surface of the foot, world frame, (k, 3), m.
+        points: Positions of k points on the surface of the foot, world frame, (k, 3), m.
         knee: Position of the knee, world frame, (3,), m.
         down: Direction of the leg, unit vector, world frame, (3,).
         slack: Largest height above the lowest point of the foot at which a point belongs to the sole, m.

@@ -18,7 +18,7 @@ def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False)
 
     Args:
         robot: The robot; its leg lengths and hip offset are used.
-        joints: Joint angles (hip, thigh, calf), (..., legs, 3), or (legs, n, 3) if `legs_first` is True, rad.
+        joints: Joint angles (hip, thigh, calf), (..., legs, 3), rad; (legs, n, 3) for n robots if `legs_first` is True.
         legs_first: True if the legs are the first axis of `joints`, False if they are the last but one.
 
     Returns:
@@ -53,7 +53,7 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
         Positions of the foot centres, world frame, (n, 4, 3), m.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    # Sum the products in a fixed order, because the rounding of a matrix product depends on the number of robots.
+    # The products are added in a fixed order, because the rounding of a matrix product depends on the batch size.
     products = rotation[:, None] * base[:, :, None]
     return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 

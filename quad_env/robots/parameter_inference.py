@@ -1,4 +1,7 @@
-"""Computation of a robot's parameters from a user's MJCF or URDF, and from a TOML file of given parameters."""
+"""Computation of a robot's parameters from a user's MJCF or URDF.
+
+A user can give some of the parameters, in a TOML file or in Python; the functions then do not infer them.
+"""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -374,7 +377,7 @@ def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
 
 
 def _hip_height(leg: Leg, angles: Floats) -> float:
-    """Return the height of the hip above the foot of the first leg, m, if the hip angle were zero.
+    """Return the height of the hip above the foot of the first leg, m; the hip angle is assumed to be zero.
 
     Args:
         leg: The first leg, with the lengths of thigh and calf.

@@ -167,7 +167,7 @@ def surface_points(model: Any, geom: int) -> Floats:
         geom: Id of the geom.
 
     Returns:
-        Points, frame of the geom's body, (k, 3), m.
+        Positions of k points, frame of the geom's body, (k, 3), m.
     """
     import mujoco
 
@@ -197,7 +197,7 @@ def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
         geom: Id of the geom.
 
     Returns:
-        points: Centres of the balls, frame of the geom's body, (k, 3), m.
+        points: Centres of k balls, frame of the geom's body, (k, 3), m.
         radius: Radius of the balls, m; 0 unless the geom is a sphere or a capsule.
     """
     if ends := end_spheres(model, geom):

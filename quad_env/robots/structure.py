@@ -607,8 +607,8 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
         calf_pitch: Pitch angle of the calf in the pose `qpos0`, zero for straight down, rad.
 
     Returns:
-        points: Points from the centre of the foot, base frame with the leg straight down, (k, 3), m.
-        radii: Radii of the balls about the points, (k,), m.
+        points: Positions of k points relative to the foot's centre, base frame with the leg straight down, (k, 3), m.
+        radii: Radii of the balls about the k points, (k,), m.
     """
     body_rotation = data.xmat[foot.body].reshape(3, 3)
     sin, cos = np.sin(calf_pitch), np.cos(calf_pitch)

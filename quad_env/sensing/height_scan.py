@@ -180,13 +180,13 @@ def relative_ground_heights(
     """Return the ground heights at points around the trunks, relative to the centres of the trunks.
 
     Args:
-        points: Positions x, y of the points, heading frame, (p, 2), m.
+        points: Positions x, y of p points relative to the trunk's centre, heading frame, (p, 2), m.
         terrain: Ground.
         state: States of n robots.
-        rows: Rows of the state to use, (k,); all by default.
+        rows: Indices of the k robots to use, (k,); all n robots by default.
 
     Returns:
-        Heights without noise, delay and clipping, (k, p), m.
+        Heights at the p points of each of the k robots, without noise, delay and clipping, (k, p), m.
     """
     cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
     columns = (*state.position, cos, -minus_sin)

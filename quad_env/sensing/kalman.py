@@ -210,7 +210,7 @@ class Prediction(NamedTuple):
     previous_acceleration: Array
     """Acceleration of the trunks of k robots at the previous sample, in the new base frame, (k, 3), m/s²."""
     force_change: Array
-    """Magnitude of the change of each robot's accelerometer reading since the last sample, (k, 1, 1, 1), m/s²."""
+    """Magnitude of the accelerometer reading's change since the last sample, for k robots, (k, 1, 1, 1), m/s²."""
 
 
 class FootMeasurement(NamedTuple):
@@ -296,7 +296,7 @@ class KalmanFilter:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the error of the state `nominal`, including the IMU's mounting error, (n, 24, 24).
+        """Covariance of the error of the state `nominal` of n robots, including the IMU's mounting error, (n, 24, 24).
 
         The module `kalman_models` defines the order of the error's components.
         """

@@ -65,7 +65,7 @@ class StepMeasurements(NamedTuple):
     """Sensor readings of k robots over one control period, which are the inputs of the process model."""
 
     angular_velocity: Array
-    """Mean of the gyroscope readings at the start and the end of the period, base frame, (k, 3), rad/s."""
+    """Mean of the gyroscope readings at the period's start and end, for k robots, base frame, (k, 3), rad/s."""
     specific_force: Array
     """Mean accelerometer reading of k robots over the control period, base frame, (k, 3), m/s²."""
     previous_joints: Array
@@ -82,7 +82,10 @@ class RotatedState(NamedTuple):
     """
 
     rotation: Array
-    """Rotation from the base frame at the start of a control period to the base frame at its end, (k, 3, 3)."""
+    """Rotation matrices from the base frame before a control period to the base frame after it, (k, 3, 3).
+
+    Each of k robots has one matrix.
+    """
     specific_force: Array
     """Mean accelerometer reading of k robots minus the estimated accelerometer bias, (k, 3), m/s².
 

@@ -100,8 +100,8 @@ class Channel:
             )
         self.delay_steps = delay_to_steps(delay, control_rate)
         self._control_rate = control_rate
-        # Sample number s is stored at index s modulo the length. The buffer also holds older samples, because
-        # `previous` reads the sample before the one that `value` reads.
+        # Sample number s of an episode is stored at the index s modulo the length of this ring buffer.
+        # The buffer has room for older samples than `value` reads, because `previous` reads the sample before.
         length = max(max_delay_steps, self.delay_steps) // self.period + 3
         self._samples = np.zeros((length, num_envs, width))
 
@@ -289,7 +289,8 @@ class SensorModels:
     def _quantize(self, name: str, readings: Array) -> Array:
         """Convert foot forces, N, to contact (0 or 1), and round joint angles, rad, to encoder steps.
 
-        `name` is the name of the sensor. `readings`, (k, width), of other sensors are returned unchanged.
+        `name` is the name of the sensor, and `readings` are its values for k robots, (k, width). The readings of other
+        sensors are returned unchanged.
         """
         if name == "foot_contact":
             return (readings >= self._contact_threshold).astype(np.float64)
