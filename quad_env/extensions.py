@@ -159,8 +159,8 @@ def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
 def _installed() -> tuple[Extension, ...]:
     """Return the extensions that installed packages register as entry points.
 
-    An extension is left out with a warning if it cannot be loaded, or if another extension has an object of the same
-    kind and name.
+    An extension that cannot be loaded is left out with a warning. The same happens if another extension already has an
+    object of the same kind and name.
     """
     extensions: list[Extension] = []
     for entry_point in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):

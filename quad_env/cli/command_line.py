@@ -28,7 +28,7 @@ SYNONYMS = (
 )
 """Groups of option names with the same meaning, written as field names.
 
-The groups include option names of other programs. If a user types one of them, the error message suggests our name.
+The groups include option names of other programs. If a user types one of these names, the error message suggests ours.
 """
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
 """Option names in singular and plural; a user may type either form."""

@@ -49,9 +49,9 @@ _IS_LIMITED = "QUAD_ENV_LIMITED"
 Because of this variable, the subprocess calls functions itself and does not start another subprocess.
 """
 _GRACE_TIME = 2.0
-"""Time that is added to the limit of the processor time to get the limit of the run time of a call, s.
+"""Time that is added to the limit on the processor time; the sum is the limit on the run time of a call, s.
 
-The limit of the run time ends a call that waits without using processor time, such as for a pipe.
+The limit on the run time ends a call that waits, for example for a pipe, and so uses no processor time.
 """
 _START_TIMEOUT = 120.0
 """Largest run time in which the subprocess must start, or import the module of a function, s."""

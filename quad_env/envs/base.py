@@ -400,9 +400,10 @@ def _check_task_config(config: Any) -> TaskConfig:
 def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
     """Return the robot model with its servo gains, and the servo gains of each of the `num_envs` robots.
 
-    `servo` is a pair of stiffness and damping, "stiff" for the gains of the robot for controllers that need stiff
-    servos, or None for the usual gains of the robot. The returned gains are stiffness, N·m/rad, and damping, N·m·s/rad,
-    (2, n, 12). They are None if all robots have the same gains. If the gains differ, the robot model has their mean.
+    `servo` is a pair of stiffness and damping, "stiff" or None. "stiff" means the robot's gains for controllers that
+    need stiff servos, and None means the robot's usual gains. The returned gains are stiffness, N·m/rad, and damping,
+    N·m·s/rad, (2, n, 12). They are None if all robots have the same gains. If the gains of the robots differ, the
+    returned robot model has their mean.
     """
     robot = get_robot(robot)
     gains = robot.servo_gains(servo, num_envs)

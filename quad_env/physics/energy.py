@@ -158,7 +158,7 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
     Args:
         batch: Batch of the robots.
         model: Compiled `mujoco.MjModel`.
-        num_joints: Number of joints; they are the last degrees of freedom of the model.
+        num_joints: Number of joints; the joints are the last degrees of freedom of the model.
 
     Returns:
         Function of the robot indices and of the change of the joint velocities in the last physics step, (k, 12),

@@ -32,7 +32,8 @@ class IdealSensors:
     """Reader of noise-free sensor values of n robots at the present state, from which sensor models start.
 
     After a step MuJoCo's outputs belong to the state before the last physics step. `read` computes the outputs again
-    for the present state, and so overwrites them. Code that needs the outputs of the last physics step calls `copy`.
+    for the present state, and so overwrites the outputs. Code that needs the outputs of the last physics step calls
+    `copy`.
 
     Args:
         robot: Robot of the model.

@@ -146,7 +146,7 @@ class Simulation:
         """Compiled MuJoCo model of the robots, with fields that may differ between robots.
 
         These fields are the payload position, the torque limits of hot motors, and randomised parameters. In this model
-        they have the values of the robot in the last call of `sync_model`.
+        the fields have the values of one robot, which the last call of `sync_model` has selected.
         """
         if config.imu is not None:
             mount_imu(self.model, config.imu)
@@ -202,7 +202,7 @@ class Simulation:
         """Name of a field of `QuadState` -> parameter of the robot with one number per joint, (12), rad."""
 
     def _bind_sensors(self, config: SimulationConfig) -> None:
-        """Create the meter of motors and foot forces, and the noise-free sensors, if the options request them."""
+        """Create the meter of motors and foot forces, and the reader of sensor values, if `config` requests them."""
         robot, model = self.robot, self.model
         self.meter = MotorMeter(robot, self.batch, model, config.actuator) if config.has_meter else None
         """Meter of motor work, heat and foot impulses; None if `SimulationConfig.has_meter` is False."""
@@ -559,7 +559,7 @@ class Simulation:
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def sync_model(self, robot: int) -> None:
-        """Copy the model fields that differ between robots into `model`, for the robot with the index `robot`."""
+        """Write the model fields of the robot with the index `robot` into the attribute `model`."""
         differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
         if not differs:
             return

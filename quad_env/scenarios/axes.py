@@ -46,7 +46,7 @@ class Axis:
     The numbers decrease if a smaller severity is harder, as with friction.
     """
     nominal: float
-    """Severity, in `unit`, of the scenario with the plain name of the axis, for example `push`.
+    """Severity, in `unit`, of the scenario with the name of the axis only, for example `push`.
 
     It is one of the severities in `levels`.
     """
@@ -55,7 +55,7 @@ class Axis:
     scales: bool = True
     """True if the severities are scaled to the size of another robot.
 
-    It is False for the axis `slow`, because the speed that counts as success is the same for every robot.
+    The axis `slow` is not scaled, because the speed that counts as success is the same for every robot.
     """
     note: str = ""
     """Explanation of other influences than the policy on the results of this axis, printed with the results."""
@@ -199,8 +199,8 @@ def _axis(
 def _flat(top_speed: float) -> Scenario:
     """Level ground, and commands from ranges in proportion to the top commanded forward speed.
 
-    The ranges are `CommandRanges()` times a factor. At the last level, the top speed is the speed of a foot at the end
-    of a leg of 0.6 m that turns at its rated 10 rad/s.
+    The ranges are `CommandRanges()` times a factor. At the last level, the top speed is 6 m/s. This is the speed of the
+    foot of a leg of 0.6 m that turns at its rated 10 rad/s.
     """
     ranges = CommandRanges()
     scale = top_speed / ranges.forward[1]

@@ -82,8 +82,9 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
     Args:
         which: Name of a scenario, or a scenario, which is returned unchanged. A name is a disturbance axis `push`, a
-            level of an axis `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or
-            the file of a user's terrain `hill.toml`. A name may end with a suffix, for example `push+hardware`.
+            level of an axis `push:3`, or a severity in physical units `push=42`. It can also be a combination
+            `payload=15+slope=10`, or the file of a user's terrain `hill.toml`. A name may end with a suffix, for
+            example `push+hardware`.
         robot: Robot, or name of a robot. Scenarios of axes and levels are scaled, so that they are as hard for the
             robot as for SimpleQuad.
 

@@ -95,8 +95,8 @@ def with_hardware_profile(scenario: Scenario) -> Scenario:
 def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
     """Return `scenario` with domain randomisation and the name suffix `+randomised`.
 
-    If the scenario has randomisation ranges already, it keeps them. Otherwise it gets the default ranges, scaled to
-    `robot`.
+    If the scenario has randomisation ranges already, the scenario keeps these ranges. Otherwise it gets the default
+    ranges, scaled to `robot`.
     """
     default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
     return _with_settings(scenario, randomisation=scenario.randomisation or default)
@@ -130,9 +130,9 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
     Commanded velocities are scaled so that the Froude number stays the same. Impulses of pushes are scaled so that a
     push changes the robot's speed by the same fraction of the commanded velocity. Forces and loads are scaled in
-    proportion to the robot's weight, lengths of the terrain to the leg length, and torques to weight times leg length.
-    Times, noise, friction, angles and the field `severity` do not change. The torque limit is at most the robot's rated
-    torque.
+    proportion to the robot's weight, and lengths in proportion to the leg length. Torques are scaled in proportion to
+    weight times leg length. Times, noise, friction, angles and the field `severity` do not change. The torque limit is
+    at most the robot's rated torque.
 
     Args:
         scenario: Scenario of SimpleQuad.

@@ -56,7 +56,7 @@ class EpisodeSchedule:
         """Control step of each robot's episode at which the push from `apply_push` ends, (n,)."""
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
-        """Set the seeds of some robots; each of them then starts with the first episode of its new seed.
+        """Set the seeds of some robots; each of these robots then starts the first episode of its new seed.
 
         Args:
             seed: One seed, or a sequence with the seed of each robot, see `seeding.assign_seeds`; None changes nothing.

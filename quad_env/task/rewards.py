@@ -172,10 +172,9 @@ def gait(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return the agreement of the foot motions with the gait clock, 0 to 1, averaged over the feet.
 
     The gait clock gives each leg a phase in its stride. A leg should swing while the sine of its phase is positive, and
-    stand otherwise. A swing foot gets the full value if its height, as a multiple of the mid-swing height, is at least
-    the sine and at most `MAX_SWING_HEIGHT_RATIO`. A stance foot gets the full value if it does not slip. Between sines
-    of -0.5 and 0.5, the values for swing and stance are blended. All feet should stand if the command is zero. The term
-    is 0 if there is no gait clock.
+    stand otherwise. The height of a swing foot, as a multiple of the mid-swing height, should be at least the sine, and
+    at most `MAX_SWING_HEIGHT_RATIO`. A stance foot should not slip. Between sines of -0.5 and 0.5, the values for swing
+    and stance are blended. All feet should stand if the command is zero. The term is 0 if there is no gait clock.
     """
     if state.leg_phase is None or state.foot_contact is None or state.foot_height is None or state.foot_speed is None:
         return 0.0 * abs(state.height)

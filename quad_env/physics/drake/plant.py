@@ -257,8 +257,8 @@ def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int
 def _collision_matrix(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return True for each pair of geoms that can collide in MuJoCo, (ngeom, ngeom).
 
-    A pair collides if the collision bits match, no exclusion names the two bodies, and the bodies are neither welded
-    together nor parent and child. Explicit contact pairs always collide.
+    A pair of geoms can collide if the collision bits match. Bodies do not collide if the model excludes their contacts,
+    if they are welded together, or if one is the parent of the other. Explicit contact pairs always collide.
     """
     body = model.geom_bodyid
     weld = model.body_weldid[body]
