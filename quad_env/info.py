@@ -36,7 +36,7 @@ def environment_text(robot: Robot = SIMPLE_QUAD) -> str:
 
 
 def _overview(robot: Robot) -> Iterator[str]:
-    """Yield lines of text about versions, the robot, its joints, its hardware profile, and time limits."""
+    """Yield lines of text about versions, the robot, its joints, its realistic hardware, and time limits."""
     task = TaskConfig()
     steps = quad_env.MAX_EPISODE_STEPS
     yield f"{quad_env.ENV_ID}  quad_env {quad_env.__version__}, MuJoCo {version('mujoco')}"

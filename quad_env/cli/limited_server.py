@@ -29,9 +29,9 @@ from quad_env.files.text import format_exception
 _IDLE_TIME = 30.0
 """Time after which the subprocess ends if it has received no request, s."""
 _MAX_RETAINED_MEMORY = 2**28
-"""Memory of a call above which the subprocess ends after the call, bytes.
+"""Largest memory that a call may take if the subprocess shall wait for the next request, bytes.
 
-The subprocess ends, because the memory may stay allocated. Otherwise it waits for the next request.
+After a call that took more memory, the subprocess ends, because the memory may stay allocated.
 """
 
 

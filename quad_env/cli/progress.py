@@ -12,9 +12,9 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 FIRST_LINE_TIME = 5.0
-"""Time from the start of a task to its first printed line of progress, s; for stderr that is no terminal."""
+"""Time from the start of a task to its first line of progress, s; a terminal shows a bar instead of lines."""
 LINE_PERIOD = 10.0
-"""Time between two printed lines of progress, s; lines are printed only if stderr is not a terminal."""
+"""Time between two lines of progress, s; a terminal shows a progress bar instead of lines."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
 """Type of a callback that receives the progress of a policy-scenario pair of an evaluation.
 

@@ -79,7 +79,7 @@ class EnvOptions:
 
 
 class Equipment(NamedTuple):
-    """Equipment of the simulated robot: model of the joint servos, simulated sensors and name of the estimator."""
+    """Hardware and software of the robot: model of the joint servos, sensors, and name of the state estimator."""
 
     actuator: Actuator
     sensors: SensorSuite | None

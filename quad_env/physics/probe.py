@@ -29,7 +29,7 @@ def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
 
 
 class IdealSensors:
-    """Reader of noise-free sensor values of n robots at the present state, from which sensor models start.
+    """Reader of noise-free sensor values of n robots at the present state; sensor models add errors to them.
 
     After a step MuJoCo's outputs belong to the state before the last physics step. `read` computes the outputs again
     for the present state, and so overwrites the outputs. Code that needs the outputs of the last physics step calls

@@ -559,7 +559,7 @@ class Simulation:
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def sync_model(self, robot: int) -> None:
-        """Write the model fields of the robot with the index `robot` into the attribute `model`."""
+        """Write the values of the robot with index `robot` into the fields of `model` that differ between robots."""
         differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
         if not differs:
             return

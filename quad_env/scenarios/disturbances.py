@@ -116,7 +116,7 @@ class Motors(Settings):
         return robot.rated_torque if self.torque_limit is None else self.torque_limit
 
     def largest_torque(self, robot: Robot) -> float:
-        """Return `max_torque(robot)`; deprecated name."""
+        """Return `max_torque(robot)`; deprecated name of `max_torque`."""
         return self.max_torque(robot)
 
 

@@ -29,7 +29,7 @@ class Heights(NamedTuple):
     """Ground heights on a grid; the heights in m are `min_height` + `span` · `normalized`."""
 
     normalized: Array
-    """Heights, 0 for the lowest and 1 for the highest point, (rows, columns).
+    """Normalized heights, 0 for the lowest and 1 for the highest point, dimensionless, (rows, columns).
 
     The row index increases with y, and the column index with x.
     """

@@ -62,7 +62,10 @@ class DrakeBatch(ArrayBatch):
         """Sum of the normal forces on each geom in the last physics step, (n, ngeom), N."""
         self._sensors: dict[str, _ContactSensor] = {}
         self._context_states = [(b"", b"")] * num_envs
-        """Pair of `qpos` and `qvel` of each robot after its last step, as bytes, to detect later changes."""
+        """Pair of `qpos` and `qvel` of each robot after its last step, as bytes.
+
+        The pair shows if the state was changed between two steps. Only then, Drake needs the new state.
+        """
 
     def sensor(self, name: str) -> Any:
         """Return the contact sensor called `name`; its attribute `data` holds the readings, (n, 1).
