@@ -111,7 +111,7 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield a suspected cause if links of the robot have implausible inertias; its remedy reduces them."""
+    """Yield the suspected cause "implausible inertias" if links have them; its remedy reduces the inertias."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _shorten_names([each.name for each in inertias])
@@ -206,9 +206,9 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 
 def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Yield a suspected cause if bodies of the robot touch each other at the end of the stance test.
+    """Yield the suspected cause "self-contact" if bodies of the robot touch each other after the stance test.
 
-    Its remedy disables the collisions between the robot's bodies.
+    The remedy is to disable the collisions between the robot's bodies.
 
     Args:
         robot: The robot.

@@ -32,7 +32,7 @@ class StanceLimits:
     joint_speed: float = 1.0
     """Largest valid root mean square of all joint speeds at the end of the squat, rad/s.
 
-    It is at most 0.3 rad/s for the robots in `quad_env.ROBOTS`.
+    For the robots in `quad_env.ROBOTS`, the measured value is at most 0.3 rad/s.
     """
 
 

@@ -1,4 +1,4 @@
-"""Detection of the feet in a user's model: the geoms of a leg's last link that can carry the robot when it stands.
+"""Detection of the feet in a user's model: geoms of a leg's last link that can carry the standing robot.
 
 The kinematics and the terrain model a foot as a ball. If the foot is a single sphere, the ball is this sphere. If the
 foot is a single capsule, the ball is its lower end. For another shape or several geoms, the diameter of the ball is at

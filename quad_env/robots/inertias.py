@@ -93,10 +93,10 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
 
 
 def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
-    """Find the links of a URDF without a mass, and give a negligible mass to the moving links among them.
+    """Give a negligible mass to massless moving links of a URDF; return the names of massless links.
 
     MuJoCo would refuse a moving link without a mass. The link gets the mass `MIN_LINK_MASS` if a link below it has a
-    mass. Masses are not inferred from shapes, unless the file requests it.
+    mass. If the file requests that MuJoCo computes masses from shapes, the function changes nothing.
 
     Args:
         spec: The `mujoco.MjSpec` of the URDF, which is changed in place.

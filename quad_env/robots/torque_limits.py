@@ -212,7 +212,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of an actuator's input, (2,): of its control or, if it has one, its activation.
+    """Return the range of an actuator's input, (2,): of its activation if it has one, else of its control.
 
     The force of the actuator is the input times its gain, plus its bias. The range is infinite if the input is not
     limited.

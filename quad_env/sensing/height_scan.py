@@ -61,7 +61,7 @@ class HeightScan(Sampled):
 
     @property
     def _grid(self) -> tuple[int, int]:
-        """Number of grid points along x and along y."""
+        """Number of grid points along x, then along y."""
         return self.behind + self.ahead + 1, 2 * self.aside + 1
 
     @property
@@ -81,7 +81,7 @@ class HeightScan(Sampled):
 
     @property
     def term(self) -> ObservationTerm:
-        """Observation term that holds this scan: name, width, unit, bound and scale."""
+        """Description of this scan as a term of the observation: name, width, unit, bound and scale."""
         unit = "m, ground minus trunk's centre"
         return ObservationTerm("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
@@ -144,7 +144,7 @@ class Scanner:
                 self._noise.reset(env_index, episode.streams.scan_noise)
 
     def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Measure the ground if a sample is due, and return the newest sample that has passed its delay.
+        """Measure the ground if a sample is due, and return the newest sample that can be read after the delay.
 
         Args:
             state: Present state of k robots.

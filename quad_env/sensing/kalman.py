@@ -50,7 +50,7 @@ class KalmanParameters:
     """Tuning parameters of `KalmanFilter`: process noise that the data sheets of the sensors do not give.
 
     All values were tuned on search episodes of the policies `trot` and `trot_feedback`. The scenarios were flat ground,
-    rough ground, and walking straight ahead. Std means standard deviation.
+    rough ground, and walking straight ahead.
     """
 
     gyro_interpolation_noise: float = 0.35
@@ -107,8 +107,9 @@ class KalmanParameters:
     slip_innovation_gain: float = 4.0
     """Factor on the extra position variance of a stance foot that is farther from its prediction than expected.
 
-    The innovation is the measured minus the predicted position. The extra variance along each axis is the squared
-    innovation minus its expected value, divided by 3. A larger factor makes the filter trust slipping feet less.
+    The innovation is the measured minus the predicted position of the foot. The squared innovation minus its
+    expected value, divided by 3, gives the extra variance along each axis. This variance is multiplied by the factor
+    and by the contact probability. A larger factor makes the filter trust slipping feet less.
     """
     accelerometer_bias_random_walk: float = 0.014
     """Standard deviation of the random walk of the accelerometer bias, m/s² per √s.
@@ -204,7 +205,10 @@ class Prediction(NamedTuple):
     state: NominalState
     """Predicted gravity, velocity, IMU biases and foot positions of k robots, base frame."""
     covariance: Array
-    """Covariance of the error of k predicted states, under the assumption that no foot has moved, (k, 24, 24)."""
+    """Covariance of the error of k predicted states, under the assumption that no foot has moved, (k, 24, 24).
+
+    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions.
+    """
     acceleration: Array
     """Acceleration of the trunks of k robots at the new sample, base frame, (k, 3), m/s²."""
     previous_acceleration: Array
@@ -221,7 +225,10 @@ class FootMeasurement(NamedTuple):
     noise: Array
     """Covariance of the measured position of each foot of k robots, base frame, (k, 4, 3, 3), m²."""
     covariance: Array
-    """Covariance of the error of k predicted states, including the possible motion of the feet, (k, 24, 24)."""
+    """Covariance of the error of k predicted states, including the possible motion of the feet, (k, 24, 24).
+
+    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions.
+    """
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
@@ -298,7 +305,7 @@ class KalmanFilter:
     def covariance(self) -> Array:
         """Covariance of the error of the state `nominal` of n robots, including the IMU's mounting error, (n, 24, 24).
 
-        The module `kalman_models` defines the order of the error's components.
+        The module `kalman_models` defines the 24 components: tilt, velocity, IMU biases and foot positions.
         """
         out = self._covariance.copy()
         out[:, TILT, TILT] += self._errors.mounting**2 * IDENTITY

@@ -55,7 +55,7 @@ class ObservationDisturbance:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
     def disturb(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Add offsets, noise and latency to the sensor-measured terms of the observations in place.
+        """Add offsets, noise and latency to the observation terms that sensors measure, in place.
 
         Args:
             observation: Undisturbed observations of k robots, (k, width); previous action and command stay unchanged.
@@ -188,7 +188,10 @@ class SensorObservation:
         It is -1 if the sensors have not been read in the episode.
         """
         self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
-        """Observation terms of n robots from the last reading of the sensors, (n, width)."""
+        """Numbers of the sensor-measured observation terms of n robots at the last reading, (n, width).
+
+        The width is the number of components of all these terms.
+        """
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Restart sensors, noise and latency of k robots that start a new episode.

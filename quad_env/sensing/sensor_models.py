@@ -56,7 +56,7 @@ class Noise:
             env_ids: Indices of the k robots, (k,).
 
         Returns:
-            Noise, (k, width).
+            Noise, (k, width), with one number per component of a sample.
         """
         block = clock // BLOCK
         for env_index in env_ids[self._block[env_ids] != block]:

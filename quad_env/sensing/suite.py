@@ -71,9 +71,9 @@ class Encoders(Sampled):
     bits: Annotated[int, Bounds("from 1 to 32", 1, 32)] | None = 14
     """Resolution in bits: one encoder step is 2π/2^bits rad; None for floating-point resolution"""
     noise: NonNegative = 0.001
-    """Standard deviation of the white noise on each sample before rounding to encoder steps, rad"""
+    """Standard deviation of the white noise on each angle sample before rounding to encoder steps, rad"""
     zero_offset: NonNegative = 0.005
-    """Standard deviation of the zero offset over episodes and joints, rad; constant during an episode.
+    """Standard deviation of the encoders' zero offset over episodes and joints, rad; constant during an episode.
 
     An offset of 0.3° is typical of a robot with joints that were zeroed in a jig.
     """
@@ -88,7 +88,7 @@ class Encoders(Sampled):
 class FootContact(Sampled):
     """Settings of the force sensors in the feet, which read contact or no contact.
 
-    Each foot carries 35 N if the robot stands on four feet.
+    For comparison, each foot of SimpleQuad carries 35 N if the robot stands on four feet.
     """
 
     threshold: Positive = 10.0
@@ -99,14 +99,14 @@ class FootContact(Sampled):
 
 @dataclass(frozen=True)
 class JointTorque(Sampled):
-    """Settings of the joint torque sensors; default bias and noise are one per cent of SimpleQuad's range."""
+    """Settings of the joint torque sensors; default bias and noise are 1 % of SimpleQuad's rated torque."""
 
     bias: NonNegative = 1.0
-    """Standard deviation of the bias over episodes and joints, N·m; constant during an episode"""
+    """Standard deviation of the sensors' bias over episodes and joints, N·m; constant during an episode"""
     noise: NonNegative = 1.0
-    """Standard deviation of the white noise on each sample, N·m"""
+    """Standard deviation of the white noise on each torque sample, N·m"""
     range: Positive | None = None
-    """Magnitude at which readings saturate, N·m; None for the robot's rated torque"""
+    """Magnitude at which torque readings saturate, N·m; None for the robot's rated torque"""
 
 
 @dataclass(frozen=True)
