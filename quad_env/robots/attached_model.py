@@ -92,9 +92,9 @@ def delete_elements(spec: Any, *kinds: str) -> None:
 
 
 def keep_compiled_inertias(attached: AttachedModel) -> None:
-    """Write the compiled mass, centre of mass and inertia of each robot body as explicit values to `attached.spec`.
+    """Write the compiled mass, centre of mass and inertia of each body of the robot to `attached.spec`.
 
-    Otherwise MuJoCo would compute them again after the attachment, with the compiler settings of SimpleQuad's scene.
+    Otherwise MuJoCo would compute these values again after the attachment, with the compiler settings of the scene.
     """
     model = attached.model
     for body in attached.structure.bodies:
@@ -278,7 +278,7 @@ def rename_elements(attached: AttachedModel) -> None:
 
 
 def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
-    """Rename the joints, links and foot geoms of a leg, and add the sites that the sensors of its foot need.
+    """Name the joints, links and foot geoms of a leg as in the scene, and add sites for the sensors of its foot.
 
     One site is at the centre of the foot. One further site per body with foot geoms is a box around these geoms, in
     which a touch sensor measures contacts.

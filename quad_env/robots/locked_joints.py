@@ -33,7 +33,7 @@ _ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
 def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
-    """Find the hinges and slides below the trunk that belong to none of the four legs, and have to be locked.
+    """Find the joints to lock: hinges and slides below the trunk that belong to none of the four legs.
 
     A leg has one hinge about the trunk's x axis, followed by two parallel hinges. If a branch of the kinematic tree has
     more than three hinges, only its load-bearing hinges can belong to a leg. A load-bearing hinge moves colliding
@@ -128,7 +128,7 @@ def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
         mujoco: The package `mujoco`.
         element: The body in the `mujoco.MjSpec`, which is changed.
         model: Compiled `mujoco.MjModel`.
-        data: `mujoco.MjData` with the kinematics of this state.
+        data: `mujoco.MjData` with the simulation state.
         body: Id of the body in `model`.
     """
     parent = int(model.body_parentid[body])

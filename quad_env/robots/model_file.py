@@ -33,7 +33,7 @@ models have some hundreds of parts of one type at most.
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
 """Attributes of `mujoco.MjSpec` with the parts that `MAX_PARTS` limits.
 
-These parts are limited because an import deletes them from the user's model.
+Their number is limited because an import deletes these parts from the user's model.
 """
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 """File to which MuJoCo writes warnings if the user has chosen no other log file."""

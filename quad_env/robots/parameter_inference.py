@@ -18,18 +18,18 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg,
 from quad_env.robots.torque_limits import torque_ranges
 
 GIVEN_PARAMETERS = ("home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness")
-"""Names of the parameters of `Robot` that the user may give; the other parameters are measured in the model.
+"""Names of the parameters of `Robot` that the user may give, in a TOML file or in Python.
 
 A parameter in this list that the user does not give is inferred from the model.
 """
 MIN_STAND_HEIGHT_RATIO = 0.5
-"""Smallest hip height in a keyframe that counts as standing, as a fraction of the leg length.
+"""Smallest hip height in a keyframe in which the robot counts as standing, as a fraction of the leg length.
 
 The hip height is the height of the hips above the feet. The first keyframe in which the robot stands determines the hip
 height of the home pose.
 """
 MAX_STAND_HEIGHT_RATIO = 0.97
-"""Largest hip height in a keyframe that counts as standing, as a fraction of the leg length.
+"""Largest hip height in a keyframe in which the robot counts as standing, as a fraction of the leg length.
 
 The hip height is the height of the hips above the feet. In a keyframe above the limit, the legs are straight.
 """
@@ -49,7 +49,7 @@ _MIN_KNEE_CLEARANCE = 1e-3
 class GivenParameterError(ModelError):
     """Error about a parameter that the user has given, such as a home pose outside of the joint limits.
 
-    This class differs from `ModelError`, so that the error message can name the user's TOML file instead of the model.
+    This error has its own class, so that the message can name the user's TOML file instead of the model file.
     """
 
 
@@ -117,7 +117,7 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
 
 
 def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str, Any]:
-    """Choose the values of the parameters in `GIVEN_PARAMETERS`: the user's, else inferred values.
+    """Return a value of each parameter in `GIVEN_PARAMETERS`: the user's value, else an inferred value.
 
     Inferred servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. All angles of an inferred home
     pose are zero here; `_with_home_pose` computes them later.

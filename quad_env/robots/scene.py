@@ -198,7 +198,7 @@ def _add_sensors(
     Args:
         scene: The `mujoco.MjSpec` of the scene with the robot, which is changed.
         robot: Parameters of the robot.
-        sensors: Name of a field -> its value, for each of SimpleQuad's sensors.
+        sensors: One dictionary per sensor of SimpleQuad: name of a field -> value of this field.
         measured_parts: Name of a part with contact sensors, such as `fl_calf` -> its bodies and geoms.
     """
     import mujoco
@@ -223,7 +223,7 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 
     Args:
         scene: The `mujoco.MjSpec` of the scene, which is changed.
-        sensor: Name of a field -> its value, of SimpleQuad's contact sensor on the same part.
+        sensor: Fields of SimpleQuad's contact sensor on the same part: name of a field -> its value.
         parts: Bodies and geoms of `scene` that form the part; a second sensor gets a name that ends in `_2`.
     """
     import mujoco
