@@ -27,9 +27,15 @@ class StanceTilts:
     It is also the largest tilt in the direction in which the knee does not bend.
     """
     min_bent: float = 0.8
-    """Largest tilt of the shin in stance, in the knee's bend direction, if the keyframes give a smaller one, rad."""
+    """Lower limit of the largest shin tilt in stance that is computed from the model's keyframes, rad.
+
+    It applies to the direction in which the knee bends.
+    """
     max_bent: float = 1.0
-    """Largest tilt of the shin in stance, in the knee's bend direction, if the keyframes give a larger one, rad."""
+    """Upper limit of the largest shin tilt in stance that is computed from the model's keyframes, rad.
+
+    It applies to the direction in which the knee bends.
+    """
     max_roll: float = 0.4
     """Largest tilt of the shin to the left and to the right, rad."""
 
@@ -55,7 +61,10 @@ class FootThresholds:
     sole_height: float = 0.1
     """Largest height of a point of the sole above the lowest point of the foot, as a fraction of the ball's radius."""
     max_radius: float = 0.15
-    """Largest radius of the ball that models a foot of another shape, as a fraction of the knee-sole distance."""
+    """Largest radius of the ball that models a foot, as a fraction of the knee-sole distance.
+
+    It applies to feet that are not a single sphere or capsule.
+    """
     end_distance: float = 0.9
     """Smallest distance of a geom from the knee at which it is at the leg's end, as a fraction of the largest one."""
     min_vector: float = 1e-6

@@ -18,9 +18,9 @@ class Overlap(NamedTuple):
     bodies: tuple[int, int]
     """Ids of the two overlapping bodies in the compiled model, in ascending order."""
     geoms: tuple[int, int]
-    """Ids of two geoms in the compiled model, one of each body: the pair with the deepest penetration."""
+    """Ids of the two geoms, one of each body, that penetrate each other deepest, in the compiled model."""
     depth: float
-    """Penetration depth of the two geoms in `geoms`, which is the largest of the two bodies, m."""
+    """Penetration depth of the two geoms in `geoms`, m; all other geoms of the two bodies penetrate less."""
 
 
 def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose: Floats) -> list[Overlap]:
