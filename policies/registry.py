@@ -26,7 +26,9 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
-TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
+TRAINED = tuple(
+    sorted({"residual", "student", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))})
+)
 """Names of the trained policies in the folder `models`. It has `residual` even if the policy bundle is missing."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""

@@ -24,7 +24,7 @@ from policies.external.act_function import ActFactory, ActFunction
 from policies.external.onnx_network import RESIDUAL_METADATA, make_network_factory, open_session
 from policies.external.packages import import_package
 from policies.external.reference import PolicyReference
-from policies.network import Network
+from policies.network import LIMIT, Network
 from policies.residual import ResidualPolicy
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
@@ -88,8 +88,8 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
     """Return the largest difference between the outputs of `act` and `network`, relative to outputs above 1.
 
-    Both are called with `count` random inputs. The result is infinite if the shapes of the outputs differ, and NaN if
-    an output is NaN.
+    Both are called with `count` random inputs. The result is infinite if the shapes of the
+    outputs differ, and NaN if an output is NaN.
     """
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
     corrections = np.array([act(row) for row in features])
@@ -111,7 +111,7 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
 
     Returns:
         Largest difference between the network outputs of file and bundle, as a fraction of the authority (the limit of
-        the correction).
+        the correction), or of the largest output if this is larger.
 
     Raises:
         PolicyError: The folder contains no residual policy, or the difference exceeds TOLERANCE.
@@ -140,17 +140,24 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
 
 
 def _graph(onnx: Any, network: Network) -> Any:
-    """Return a network as an ONNX graph: one Gemm operator per layer, and Elu activations between layers."""
+    """Return a network as an ONNX graph: one Gemm operator per layer, and Elu activations between layers.
+
+    A Clip operator limits the inputs of each layer to ±LIMIT, as `Network` does.
+    """
     nodes = []
-    values = FEATURES
+    layer_inputs = FEATURES
     last = len(network.weights) - 1
     tensors = [onnx.numpy_helper.from_array(each, name) for name, each in bundle.network_tensors(network).items()]
+    limits = {"limit.lower": -LIMIT, "limit.upper": LIMIT}
+    tensors += [onnx.numpy_helper.from_array(np.array(value, np.float32), name) for name, value in limits.items()]
     for index in range(last + 1):
+        clipped = f"{index}.clipped"
+        nodes.append(onnx.helper.make_node("Clip", [layer_inputs, *limits], [clipped]))
         sums = CORRECTION if index == last else f"{index}.sums"
-        nodes.append(onnx.helper.make_node("Gemm", [values, f"{index}.weight", f"{index}.bias"], [sums]))
+        nodes.append(onnx.helper.make_node("Gemm", [clipped, f"{index}.weight", f"{index}.bias"], [sums]))
         if index < last:
-            values = f"{index}.values"
-            nodes.append(onnx.helper.make_node("Elu", [sums], [values]))
+            layer_inputs = f"{index}.values"
+            nodes.append(onnx.helper.make_node("Elu", [sums], [layer_inputs]))
     inputs_and_outputs = [
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["robots", width])
         for name, width in zip((FEATURES, CORRECTION), (network.sizes[0], network.sizes[-1]), strict=True)

@@ -31,8 +31,8 @@ TRAINING = (
 
 def words(robot: Path, out: Path) -> list[str]:
     given = (
-        f"robot {robot} --out {out} --steps 64 --base trot --policies trot residual --scenarios flat push "
-        "--episodes 2 --seed 3 --threads 1"
+        f"robot {robot} --out {out} --learner residual --steps 64 --base trot "
+        "--policies trot residual --scenarios flat push --episodes 2 --seed 3 --threads 1"
     )
     return [*given.split(), f"--training={TRAINING}"]
 
@@ -85,7 +85,8 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
 def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], simulated: list[Batch]) -> None:
     out, found, _ = walked
     given = {word.partition("=")[0].removeprefix("--") for word in found if word.startswith("--")} | {"robot"}
-    assert given == {field.name for field in fields(robot_pipeline.RobotPipelineOptions)}, (
+    other = robot_pipeline.LEARNER_OPTIONS["student"]
+    assert given == {field.name for field in fields(robot_pipeline.RobotPipelineOptions)} - set(other), (
         "an option that nothing here looks at"
     )
     by_purpose = {each.purpose: each for each in reversed(simulated)}
@@ -141,7 +142,9 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(robot_pipeline.trot, "main", stop)
     monkeypatch.setattr(sys, "argv", ["train", "robot", "my robot.xml"])
-    options = robot_pipeline.RobotPipelineOptions(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
+    options = robot_pipeline.RobotPipelineOptions(
+        robot=str(tmp_path / "alike.xml"), learner="residual", out=tmp_path / "out"
+    )
     with pytest.raises(KeyboardInterrupt) as said:
         robot_pipeline.main(options)
     assert str(said.value) == "kept what was found; continue with: python -m train robot 'my robot.xml'"

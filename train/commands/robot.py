@@ -1,8 +1,9 @@
 """All steps for your own robot: `python -m train robot my_robot.xml`.
 
-It describes the robot, searches its trot, trains a residual, compares them on every axis of disturbance and writes the
-report. Stages that are done are not repeated: after Ctrl-C, or when the computer was switched off, the same command
-continues.
+It describes the robot, checks that a model-predictive controller walks on it, distils this controller into a network
+(the student), exports the network as ONNX, compares student, controller and trot on every axis of disturbance, and
+writes the report. With `--learner residual`, it searches the parameters of a trot and trains a residual policy instead.
+Stages that are done are not repeated: after Ctrl-C, or when the computer was switched off, the same command continues.
 """
 
 import json
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import tyro
 
@@ -27,18 +28,28 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
+from train.commands import export
 from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
+STUDENT = "student"
 RESIDUAL = "residual"
 """Name of the policy that the pipeline trains, and of its folder in the models folder of the robot."""
+COMPARED = {STUDENT: (STUDENT, "trot"), RESIDUAL: ("trot", "trot_feedback", RESIDUAL)}
+"""Learner -> names of the policies that are compared by default; a student is also compared with its teacher."""
+LEARNER_OPTIONS = {STUDENT: ("teacher", "labels"), RESIDUAL: ("base", "steps")}
+"""Learner -> names of the options that only this learner has."""
+CHECK_FILE = "teacher.json"
+"""Name of the JSON file in the output folder with the success rate of the teacher in the check that it walks."""
 OPTIONS_FILE = "begun.json"
 """Name of the JSON file in the output folder with the options of the first call of the pipeline.
 
 Later calls with the same folder must have the same options."""
 DESCRIPTION_FILE = "described.txt"
 """Name of the text file with the description of the robot that `python -m quad_env describe` prints."""
+OLD_OPTIONS = {"learner": RESIDUAL, "teacher": "mpc_wbc", "labels": 1_000_000}
+"""Values of the options that a file of an older version does not have."""
 MUTABLE_OPTIONS = ("out", "threads")
 """Names of the options of the pipeline that may differ between two calls with the same output folder."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
@@ -50,18 +61,26 @@ A short search is enough, because most robots already walk with the start parame
 
 @dataclass(frozen=True)
 class RobotPipelineOptions:
-    """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
+    """Describe, check, distil, export, compare, report: some 20 minutes on two cores."""
 
     robot: Annotated[str, tyro.conf.Positional]
     """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name like go1."""
+    learner: Literal["student", "residual"] = STUDENT
+    """student: a network learns the actions of a teacher and then runs alone. residual: a network learns by PPO to
+    correct a trot, whose parameters are searched first."""
+    teacher: str = "mpc_wbc"
+    """Policy that the student learns from: a name, a bundle, or a file of another project."""
+    labels: int = parameter(1_000_000, limits=(1, 10**12 - 1))
+    """Number of actions of the teacher that the student learns from."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
     steps: int = parameter(4_000_000, limits=(1, 10**12 - 1))
-    """Number of learner steps of the training, summed over all robots."""
+    """Number of learner steps of the residual's training, summed over all robots."""
     training: tuple[str, ...] = ()
-    """Further options of `python -m train`, in quotes, for example "--ppo.envs 512"."""
-    policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
-    """Names of the policies that are compared after the training."""
+    """Further options of `python -m train`, in quotes: "--envs 512" or, for a residual, "--ppo.envs 512"."""
+    policies: tuple[str, ...] = ()
+    """Names of the policies that are compared after the training; by default teacher, student and trot, or trot,
+    trot_feedback and residual."""
     scenarios: tuple[str, ...] = ("default",)
     """Names of the scenarios on which the policies are compared."""
     episodes: int = parameter(8, limits=(1, 1_000_000))
@@ -79,6 +98,19 @@ class RobotPipelineOptions:
         return self.out if self.out is not None else Path("results") / Path(self.robot).stem
 
     @property
+    def compared(self) -> tuple[str, ...]:
+        """Names of the policies that are compared after the training: `policies`, or the default of the learner."""
+        if self.policies:
+            return self.policies
+        defaults = COMPARED[self.learner]
+        return (self.teacher, *defaults) if self.learner == STUDENT and self.teacher not in defaults else defaults
+
+    @property
+    def onnx(self) -> Path:
+        """ONNX file with the student, a file in `folder`."""
+        return self.folder / f"{STUDENT}.onnx"
+
+    @property
     def evaluation_folder(self) -> Path:
         """Folder of the results of the evaluation, a subfolder of `folder`."""
         return self.folder / "evaluation"
@@ -91,7 +123,7 @@ class RobotPipelineOptions:
 
 
 class Stage(NamedTuple):
-    """Stage of the pipeline for a new robot: describe, search, train or compare."""
+    """Stage of the pipeline for a new robot, for example the description of the robot."""
 
     name: str
     """Name of the stage in the printed progress, for example "train a residual"."""
@@ -116,6 +148,7 @@ def main(options: RobotPipelineOptions) -> int:
         KeyboardInterrupt: After Ctrl-C. The message has the command line that continues the pipeline.
     """
     check_numbers(options, limits_of(options))
+    _check_learner_options(options)
     if not Path(options.robot).suffix:
         parse_robot_option(options.robot)
     make_writable_folder(options.folder)
@@ -135,20 +168,38 @@ def main(options: RobotPipelineOptions) -> int:
     except KeyboardInterrupt as interrupt:
         again = f"continue with: python -m train robot {shlex.join(sys.argv[2:])}"
         raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), again])) from None
+    if options.learner == STUDENT:
+        print(f"network: {options.onnx}")
     print(f"report: {options.evaluation_folder / 'report.html'}")
     return 0
 
 
+def _check_learner_options(options: RobotPipelineOptions) -> None:
+    """Check that no option of the other learner was given; raise UsageError if one was."""
+    other = RESIDUAL if options.learner == STUDENT else STUDENT
+    default = RobotPipelineOptions(robot=options.robot)
+    for name in LEARNER_OPTIONS[other]:
+        if getattr(options, name) != getattr(default, name):
+            raise UsageError(f"--{name} is an option of --learner {other}, not of {options.learner}")
+
+
 def _stages(options: RobotPipelineOptions) -> list[Stage]:
-    """Return the stages of the pipeline in their order: describe, search, train, compare."""
+    """Return the stages of the pipeline in their order."""
     is_described = (options.folder / DESCRIPTION_FILE).is_file
-    is_searched = partial(_has_model, options, trot.ACCOUNT)
-    is_trained = partial(_has_model, options, f"{RESIDUAL}/{bundle.DESCRIPTION}")
+    is_trained = partial(_has_model, options, f"{options.learner}/{bundle.DESCRIPTION}")
+    describe = Stage("describe the robot", 0.1, is_described, partial(_describe, options))
+    compare = Stage("compare them", 5.0, partial(_is_compared, options), partial(_compare, options))
+    if options.learner == RESIDUAL:
+        is_searched = partial(_has_model, options, trot.ACCOUNT)
+        search = Stage("search its trot", 4.0, is_searched, partial(_search, options))
+        return [describe, search, Stage("train a residual", 9.0, is_trained, partial(_train, options)), compare]
+    is_checked = (options.folder / CHECK_FILE).is_file
     return [
-        Stage("describe the robot", 0.1, is_described, partial(_describe, options)),
-        Stage("search its trot", 4.0, is_searched, partial(_search, options)),
-        Stage("train a residual", 9.0, is_trained, partial(_train, options)),
-        Stage("compare them", 5.0, partial(_is_compared, options), partial(_compare, options)),
+        describe,
+        Stage(f"check that {options.teacher} walks", 0.3, is_checked, partial(_check_teacher, options)),
+        Stage(f"distil {options.teacher} into a network", 12.0, is_trained, partial(_distil, options)),
+        Stage("export the network", 0.1, options.onnx.is_file, partial(_export, options)),
+        compare,
     ]
 
 
@@ -160,6 +211,39 @@ def _model_path(options: RobotPipelineOptions, name: str) -> Path:
 def _has_model(options: RobotPipelineOptions, name: str) -> bool:
     """Return True if the models folder of the robot has a file with the path `name`."""
     return options.toml.is_file() and _model_path(options, name).is_file()
+
+
+def _check_teacher(options: RobotPipelineOptions) -> None:
+    """Check that the teacher walks on the robot; raise UsageError with the likely reason if it does not."""
+    from train.teacher_check import EPISODES, check_walking
+
+    hardware = parse_robot_option(str(options.toml))
+    success = check_walking(options.teacher, hardware, options.threads)
+    print(
+        f"{options.teacher} succeeds in {round(success * EPISODES)} of {EPISODES} episodes on flat ground", flush=True
+    )
+    write_atomically(options.folder / CHECK_FILE, (json.dumps({"success_rate": success}) + "\n").encode())
+
+
+def _distil(options: RobotPipelineOptions) -> None:
+    """Distil the teacher, or continue, and copy the best bundle to the robot's models folder."""
+    from train.commands import distil
+    from train.distillation.run import is_finished
+
+    folder = options.folder / "distillation"
+    words = f"--labels {options.labels} --seed {options.seed} --threads {options.threads}".split()
+    if has_checkpoint(folder):
+        words.append("--resume")
+    further = [word for entry in options.training for word in shlex.split(entry)]
+    if not is_finished(folder):
+        own = ["--teacher", options.teacher, "--robot", str(options.toml), "--out", str(folder)]
+        distil.run([*own, *words, *further])
+    bundle.copy(folder / BEST, _model_path(options, STUDENT))
+
+
+def _export(options: RobotPipelineOptions) -> None:
+    """Export the student as an ONNX file."""
+    export.main(export.ExportOptions(_model_path(options, STUDENT), str(options.toml), options.onnx))
 
 
 def _search(options: RobotPipelineOptions) -> None:
@@ -195,8 +279,8 @@ def _compare(options: RobotPipelineOptions) -> None:
     if is_unfinished(folder):
         execute(check(replace(load_run_options(folder), resume=True)))
         return
-    shared = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
-    execute(check(EvaluateOptions(robot=str(options.toml), out=folder, **shared)))
+    shared = {name: getattr(options, name) for name in ("scenarios", "episodes", "seed", "threads")}
+    execute(check(EvaluateOptions(robot=str(options.toml), policies=options.compared, out=folder, **shared)))
 
 
 def _is_compared(options: RobotPipelineOptions) -> bool:
@@ -213,7 +297,7 @@ def _check_same_options(options: RobotPipelineOptions) -> None:
     The first call writes its options to the folder. Raises UsageError if a later call has other options.
     """
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
-    absolute = asdict(replace(options, robot=robot))
+    absolute = asdict(replace(options, robot=robot, policies=options.compared))
     fixed = {name: value for name, value in absolute.items() if name not in MUTABLE_OPTIONS}
     current = json.loads(json.dumps(fixed))
     file = options.folder / OPTIONS_FILE
@@ -221,7 +305,7 @@ def _check_same_options(options: RobotPipelineOptions) -> None:
         write_atomically(file, (json.dumps(current, indent=2) + "\n").encode())
         return
     try:
-        started_with = json.loads(read_bytes(file))
+        started_with = OLD_OPTIONS | json.loads(read_bytes(file))
         changed = [name for name in current if started_with.get(name) != current[name]]
     except (ValueError, AttributeError):
         changed = ["unreadable"]

@@ -20,7 +20,7 @@ from train.run_record import differences, load_config
 
 NAME = "python -m train"
 COMMANDS = {
-    "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
+    "robot": Command("train.commands.robot", "all steps for your own robot: describe, check, distil, export, compare"),
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }

@@ -7,6 +7,7 @@ validates the student, and writes policy bundles and checkpoints.
 import contextlib
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ from train.run_folder import (
     CHECKPOINTS,
     CURVE_FILE,
     LAST,
+    has_checkpoint,
     new_run_folder,
     refuse_folder_in_use,
     report_write_errors,
@@ -66,6 +68,13 @@ def distil(config: DistillationConfig) -> None:
             with new_run_folder(config.folder):
                 distillation.run()
     print(f"the policy is {config.folder / BEST}; evaluate it with: {evaluation_command(config)}")
+
+
+def is_finished(folder: Path) -> bool:
+    """Return True if the distillation in `folder` has made all updates; False if there is none."""
+    if not has_checkpoint(folder):
+        return False
+    return bool(checkpoint.load(folder / CHECKPOINTS).progress["remembered"]["is_finished"])
 
 
 def distillation_command(config: DistillationConfig) -> str:

@@ -1,0 +1,156 @@
+"""Check that a controller walks on a robot before a network learns from it.
+
+If it does not walk, the check changes one limit of the robot after the other in simulation (joint torque, servo gains,
+speed of the commands), and names the changes with which the controller walks.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from evaluate.hardware import HardwareConfig
+from policies.base import PolicyError
+from quad_env.cli.command_line import UsageError
+from quad_env.config import GRAVITY
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import scaled_servo_gains
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from train.config import ValidationConfig
+from train.validation import validate
+
+EPISODES = 8
+"""Number of validation episodes on flat ground in the check."""
+MIN_SUCCESS = 0.75
+"""Success rate from which on a controller counts as one that walks and that a network can learn from."""
+TORQUE_FACTOR = 2.5
+"""Factor on the joint torque limit in the test whether a small torque limit is the reason of a failure."""
+FLAT = "flat"
+SLOW = "slow"
+"""Scenario with slow commands, at most 0.1 m/s for SimpleQuad, scaled to the size of the robot."""
+
+
+@dataclass(frozen=True)
+class _ModifiedHardware(HardwareConfig):
+    """Hardware configuration with a robot that no name stands for."""
+
+    modified_robot: Robot | None = None
+    """Robot of the configuration; None for the robot with the name `robot`."""
+
+    @property
+    def robot_model(self) -> Robot:
+        """Robot of the configuration."""
+        return self.modified_robot or super().robot_model
+
+
+class Suspect(NamedTuple):
+    """A possible reason why a controller does not walk, with a change of robot or commands that removes it."""
+
+    change: str
+    """The change as text that completes the sentence "It walks with …"."""
+    robot: Robot
+    """Robot after the change."""
+    scenario: str = FLAT
+    """Name of the scenario after the change."""
+
+
+def check_walking(teacher: str, hardware: HardwareConfig, threads: int = 1) -> float:
+    """Check that a controller walks on flat ground.
+
+    Args:
+        teacher: Name or path of the controller.
+        hardware: Robot and servo gains.
+        threads: Number of threads of the simulation.
+
+    Returns:
+        Success rate on the validation episodes.
+
+    Raises:
+        UsageError: The controller cannot control the robot, or its success rate is below MIN_SUCCESS. The message is
+            one line with the changes of the robot or of the commands with which the controller walks.
+    """
+    success = _success_rate(teacher, hardware, FLAT, threads)
+    if success >= MIN_SUCCESS:
+        return success
+    robot = hardware.policy(teacher).robot
+    single, combination = _suspects(robot)
+    helpful = [suspect.change for suspect in single if _helps(teacher, hardware, suspect, threads)]
+    if not helpful and _helps(teacher, hardware, combination, threads):
+        helpful = [combination.change]
+    fact = f"{teacher} does not walk on {robot.name}: {round(success * EPISODES)} of {EPISODES} episodes succeed"
+    reason = f"it walks with {', or with '.join(helpful)}" if helpful else _unexplained(robot)
+    raise UsageError(f"{fact}; {reason}; correct the robot's values, or take --learner residual")
+
+
+def _success_rate(teacher: str, hardware: HardwareConfig, scenario: str, threads: int) -> float:
+    """Return the success rate of a controller on the validation episodes of one scenario.
+
+    Args:
+        teacher: Name or path of the controller.
+        hardware: Robot and servo gains.
+        scenario: Name of the scenario.
+        threads: Number of threads of the simulation.
+
+    Returns:
+        Success rate, 0 to 1.
+
+    Raises:
+        UsageError: The controller cannot control the robot.
+    """
+    config = ValidationConfig(episodes=EPISODES, scenarios=(scenario,))
+    try:
+        policy = hardware.policy(teacher)
+    except PolicyError as error:
+        raise UsageError(f"--teacher: {error}") from None
+    return validate(policy, config, threads, hardware)[scenario]["success_rate"]
+
+
+def _helps(teacher: str, hardware: HardwareConfig, suspect: Suspect, threads: int) -> bool:
+    """Return True if the controller walks after the change of a suspect.
+
+    Args:
+        teacher: Name or path of the controller.
+        hardware: Robot and servo gains before the change.
+        suspect: The change.
+        threads: Number of threads of the simulation.
+
+    Returns:
+        True if the success rate is at least MIN_SUCCESS.
+    """
+    changed = _ModifiedHardware(robot=hardware.robot, modified_robot=suspect.robot)
+    return _success_rate(teacher, changed, suspect.scenario, threads) >= MIN_SUCCESS
+
+
+def _suspects(robot: Robot) -> tuple[list[Suspect], Suspect]:
+    """Return the possible reasons why a controller does not walk with a robot.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        single: Changes of one limit each.
+        combination: Change of joint torque and servo gains together.
+    """
+    torque = TORQUE_FACTOR * robot.rated_torque
+    stiffness, damping = (float(f"{gain:.3g}") for gain in scaled_servo_gains(robot))
+    strong = replace(robot, rated_torque=torque)
+    torque_text = f"joint torques of {torque:.3g} instead of {robot.rated_torque:.3g} N·m"
+    servo_text = f"servos of {stiffness:g} N·m/rad and {damping:g} N·m·s/rad instead of {robot.servo}"
+    single = [
+        Suspect(torque_text, strong),
+        Suspect(servo_text, robot.with_servo(stiffness, damping)),
+        Suspect("slower commands", robot, SLOW),
+    ]
+    return single, Suspect(f"{torque_text} and {servo_text}", strong.with_servo(stiffness, damping))
+
+
+def _unexplained(robot: Robot) -> str:
+    """Return text about a failure that no tested change removes, with the robot's relative joint torque."""
+    own, known = (f"{_relative_torque(each):.2f}" for each in (robot, SIMPLE_QUAD))
+    return (
+        "neither larger joint torques, nor stiffer servos, nor slower commands help (joint torque as a fraction of "
+        f"weight x leg length: {own}, SimpleQuad {known}); python -m quad_env doctor checks masses and home pose"
+    )
+
+
+def _relative_torque(robot: Robot) -> float:
+    """Return the joint torque limit of a robot as a fraction of its weight times its leg length."""
+    return robot.rated_torque / (robot.mass * GRAVITY * robot.leg_length)
