@@ -144,12 +144,11 @@ def _graph(onnx: Any, network: Network) -> Any:
 
     A Clip operator limits the inputs of each layer to ±LIMIT, as `Network` does.
     """
-    nodes = []
+    limits = {"limit.lower": -LIMIT, "limit.upper": LIMIT}
+    nodes = [onnx.helper.make_node("Constant", [], [name], value_float=value) for name, value in limits.items()]
     layer_inputs = FEATURES
     last = len(network.weights) - 1
     tensors = [onnx.numpy_helper.from_array(each, name) for name, each in bundle.network_tensors(network).items()]
-    limits = {"limit.lower": -LIMIT, "limit.upper": LIMIT}
-    tensors += [onnx.numpy_helper.from_array(np.array(value, np.float32), name) for name, value in limits.items()]
     for index in range(last + 1):
         clipped = f"{index}.clipped"
         nodes.append(onnx.helper.make_node("Clip", [layer_inputs, *limits], [clipped]))

@@ -11,7 +11,7 @@ from policies.bundle import save
 from policies.external import onnx_file
 from policies.external.reference import PolicyReference
 from policies.external.server import PolicyServer, make_server
-from policies.network import Network
+from policies.network import LIMIT, Network
 from policies.residual import ResidualPolicy
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
 
@@ -103,8 +103,8 @@ def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
 ) -> None:
     make = onnx.helper.make_node
 
-    def node(kind: str, *rest: list[str]) -> onnx.NodeProto:
-        return make({"Elu": "Tanh"}.get(kind, kind), *rest)
+    def node(kind: str, *rest: list[str], **attributes: float) -> onnx.NodeProto:
+        return make({"Elu": "Tanh"}.get(kind, kind), *rest, **attributes)
 
     monkeypatch.setattr(onnx.helper, "make_node", node)
     with pytest.raises(PolicyError, match=r"residual\.onnx: output differs from .*check your onnxruntime"):
@@ -115,7 +115,25 @@ def test_a_residual_whose_network_is_another_than_its_weights_is_refused(tmp_pat
     file = tmp_path / "residual.onnx"
     onnx_file.export_residual(repository / "models/residual", file, 1)
     model = onnx.load(file)
-    model.graph.node[1].op_type = {"Elu": "Tanh", "Tanh": "Elu"}[model.graph.node[1].op_type]
+    next(node for node in model.graph.node if node.op_type == "Elu").op_type = "Tanh"
     file.write_bytes(model.SerializeToString())
     with pytest.raises(PolicyError, match="not the one that its metadata describes"):
         served(file)
+
+
+def test_an_export_limits_the_inputs_of_layers_as_the_network_does(tmp_path: Path) -> None:
+    """Large weights, as of a network with a folded normalisation, drive the sums of a layer beyond the limit."""
+    random = np.random.default_rng(0)
+    weights = tuple(random.standard_normal(shape).astype(np.float32) * 9.0 for shape in ((30, 16), (16, 16), (16, 12)))
+    biases = tuple(np.zeros(each.shape[1], np.float32) for each in weights)
+    network = Network(weights, biases)
+    model = onnx.helper.make_model(
+        onnx_file._graph(onnx, network), opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8
+    )
+    (tmp_path / "net.onnx").write_bytes(model.SerializeToString())
+    inputs = random.standard_normal((50, 30)).astype(np.float32)
+    session = onnx_file.open_session(tmp_path / "net.onnx")
+    outputs = session.run(None, {onnx_file.FEATURES: inputs})[0]
+    expected = network(inputs)
+    assert np.abs(inputs @ weights[0]).max() > LIMIT
+    np.testing.assert_allclose(outputs, expected, atol=1e-5 * np.abs(expected).max())
