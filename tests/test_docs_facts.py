@@ -269,6 +269,7 @@ def all_options() -> Iterator[str]:
         commands = ([], *(name.split() for name in named_by(package))) if package not in ("policies", "live") else ()
         for words in commands:
             yield from re.findall(r"--[\w.-]+", help_of(package, *words))
+    yield from re.findall(r"--[\w.-]+", help_of("train", "--teacher"))
     for package in sorted(set(re.findall(r"python -m (benchmarks\.\w+)", "".join(PAGES.values())))):
         yield from re.findall(r"--[\w.-]+", help_of(package))
 

@@ -41,7 +41,7 @@ class _ModifiedHardware(HardwareConfig):
         return self.modified_robot or super().robot_model
 
 
-class Suspect(NamedTuple):
+class RobotChange(NamedTuple):
     """A possible reason why a controller does not walk, with a change of robot or commands that removes it."""
 
     change: str
@@ -103,7 +103,7 @@ def _success_rate(teacher: str, hardware: HardwareConfig, scenario: str, threads
     return validate(policy, config, threads, hardware)[scenario]["success_rate"]
 
 
-def _helps(teacher: str, hardware: HardwareConfig, suspect: Suspect, threads: int) -> bool:
+def _helps(teacher: str, hardware: HardwareConfig, suspect: RobotChange, threads: int) -> bool:
     """Return True if the controller walks after the change of a suspect.
 
     Args:
@@ -119,7 +119,7 @@ def _helps(teacher: str, hardware: HardwareConfig, suspect: Suspect, threads: in
     return _success_rate(teacher, changed, suspect.scenario, threads) >= MIN_SUCCESS
 
 
-def _suspects(robot: Robot) -> tuple[list[Suspect], Suspect]:
+def _suspects(robot: Robot) -> tuple[list[RobotChange], RobotChange]:
     """Return the possible reasons why a controller does not walk with a robot.
 
     Args:
@@ -135,11 +135,11 @@ def _suspects(robot: Robot) -> tuple[list[Suspect], Suspect]:
     torque_text = f"joint torques of {torque:.3g} instead of {robot.rated_torque:.3g} N·m"
     servo_text = f"servos of {stiffness:g} N·m/rad and {damping:g} N·m·s/rad instead of {robot.servo}"
     single = [
-        Suspect(torque_text, strong),
-        Suspect(servo_text, robot.with_servo(stiffness, damping)),
-        Suspect("slower commands", robot, SLOW),
+        RobotChange(torque_text, strong),
+        RobotChange(servo_text, robot.with_servo(stiffness, damping)),
+        RobotChange("slower commands", robot, SLOW),
     ]
-    return single, Suspect(f"{torque_text} and {servo_text}", strong.with_servo(stiffness, damping))
+    return single, RobotChange(f"{torque_text} and {servo_text}", strong.with_servo(stiffness, damping))
 
 
 def _unexplained(robot: Robot) -> str:

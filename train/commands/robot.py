@@ -65,9 +65,9 @@ class RobotPipelineOptions:
 
     robot: Annotated[str, tyro.conf.Positional]
     """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name like go1."""
-    learner: Literal["student", "residual"] = STUDENT
-    """student: a network learns the actions of a teacher and then runs alone. residual: a network learns by PPO to
-    correct a trot, whose parameters are searched first."""
+    learner: Literal["student", "residual"] = "student"
+    """student: a network learns the actions of a teacher and then runs alone. residual: the parameters of a trot
+    are searched, and a network learns by PPO to correct it."""
     teacher: str = "mpc_wbc"
     """Policy that the student learns from: a name, a bundle, or a file of another project."""
     labels: int = parameter(1_000_000, limits=(1, 10**12 - 1))
