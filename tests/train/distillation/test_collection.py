@@ -44,21 +44,17 @@ class Echo(Policy):
         return targets
 
 
-@pytest.fixture
-def collector(monkeypatch):
-    """Return a function that makes a collector with the teacher `Echo` for a configuration."""
-
-    def make(config):
-        monkeypatch.setattr(teachers, "make_teacher", lambda config, profile=False: Echo(robot=SIMPLE_QUAD))
+def make_collector(config):
+    """Return a collector with the teacher `Echo`, a student of eight units, and the authority, (12,), rad."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(teachers, "make_teacher", lambda config, profile=False: Echo(robot=SIMPLE_QUAD))
         robots = make_robots(config, SIMPLE_QUAD)
         features = Features(make_pose(SIMPLE_QUAD), Inputs())
         authority = authority_of(SIMPLE_QUAD, 0.9, 2.0)
         collector = LabelCollector(config, robots, PrivilegedTeacher(config, robots), features, authority)
-        seeds = [int(seed) for seed in episode_seeds("training", 0, config.envs)]
-        collector.start_segment(seeds, np.random.default_rng(0))
-        return collector, StudentNetwork([features.width, 8, 12], 0), authority
-
-    return make
+    seeds = [int(seed) for seed in episode_seeds("training", 0, config.envs)]
+    collector.start_segment(seeds, np.random.default_rng(0))
+    return collector, StudentNetwork([features.width, 8, 12], 0), authority
 
 
 def shown_angles(block, authority):
@@ -76,16 +72,16 @@ def input_angles(block):
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
-def test_a_label_is_of_the_state_that_the_student_observes(collector, share):
-    each, student, authority = collector(CONFIG)
+def test_a_label_is_of_the_state_that_the_student_observes(share):
+    each, student, authority = make_collector(CONFIG)
     block = each.collect(student, share)
     assert np.abs(input_angles(block)).max() > 0.05
     np.testing.assert_allclose(shown_angles(block, authority), 0.1 * input_angles(block), atol=1e-5)
 
 
-def test_the_teacher_observes_the_present_state_though_the_student_does_not(collector):
+def test_the_teacher_observes_the_present_state_though_the_student_does_not():
     delayed = replace(CONFIG, mixture=(("latency=0.04", 1.0),))
-    each, student, authority = collector(delayed)
+    each, student, authority = make_collector(delayed)
     block = each.collect(student, 0.0)
     steps = 4
     shown, observed = shown_angles(block, authority)[:30], 0.1 * input_angles(block)[:30]
@@ -93,8 +89,8 @@ def test_the_teacher_observes_the_present_state_though_the_student_does_not(coll
     assert np.abs(shown - observed).max() > 0.005
 
 
-def test_the_teacher_is_reset_with_its_robot(collector):
-    each, student, authority = collector(CONFIG)
+def test_the_teacher_is_reset_with_its_robot():
+    each, student, authority = make_collector(CONFIG)
     block = each.collect(student, 0.0)
     steps = np.round((block.corrections * authority)[:, :, 0] / 0.001)
     began = np.flatnonzero(steps[:, 0] == 1)
@@ -119,10 +115,10 @@ def test_labels_shortly_before_a_fall_are_dropped():
     assert not _precedes(fell, 3)[:, 1].any()
 
 
-def test_the_students_policy_does_in_evaluation_as_in_training(collector, monkeypatch):
+def test_the_students_policy_does_in_evaluation_as_in_training(monkeypatch):
     """Inputs, clock, history, standardisation and authority equal those of the collection."""
     inputs = Inputs(lags=(0.02,), averages=(0.3,), clock=2.5)
-    each, _, _ = collector(CONFIG)
+    each, _, _ = make_collector(CONFIG)
     each._features = Features(make_pose(SIMPLE_QUAD), inputs)
     student = StudentNetwork([each._features.width, 16, 12], 1)
     seeds = [int(seed) for seed in episode_seeds("training", 0, CONFIG.envs)]
