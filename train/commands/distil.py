@@ -13,10 +13,11 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP
 from train.distillation.config import DistillationConfig, check
-from train.run_folder import CONFIG_FILE, has_checkpoint
+from train.run_folder import CONFIG_FILE, has_checkpoint, steps_done
 from train.run_record import decode, differences, load_settings
 
 NAME = "python -m train --teacher"
+OUT_OPTION = "--out"
 TEACHER_OPTION = "--teacher"
 """Command-line option of `python -m train` that selects the distillation instead of the PPO training."""
 
@@ -32,10 +33,19 @@ def is_requested(words: list[str]) -> bool:
     """
     if any(word.partition("=")[0] == TEACHER_OPTION for word in words):
         return True
-    if "--resume" not in words or "--out" not in words[:-1]:
+    folder = _out_folder(words)
+    if "--resume" not in words or folder is None:
         return False
-    folder = Path(words[words.index("--out") + 1])
     return (folder / CONFIG_FILE).is_file() and "teacher" in load_settings(folder)
+
+
+def _out_folder(words: list[str]) -> Path | None:
+    """Return the folder that `--out FOLDER` or `--out=FOLDER` names in a command line; None if neither is there."""
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option == OUT_OPTION and (value or following):
+            return Path(value if equals else following)
+    return None
 
 
 def run(words: list[str]) -> int:
@@ -59,7 +69,8 @@ def run(words: list[str]) -> int:
         distil(config)
     except KeyboardInterrupt:
         if has_checkpoint(config.folder):
-            raise KeyboardInterrupt(f"continue the run with --resume --out {config.folder}") from None
+            saved = f"{steps_done(config.folder):,} labels are saved"
+            raise KeyboardInterrupt(f"{saved}; continue the run with --resume --out {config.folder}") from None
         raise
     return 0
 

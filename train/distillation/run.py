@@ -187,6 +187,8 @@ class Distillation:
         self._validate()
         self._save_checkpoint()
         self._labels.delete_files()
+        minutes = (self._state.cpu_seconds + time.process_time() - self._start_cpu_time) / 60.0
+        self._print(f"{self._label_count:,} labels in {minutes:.1f} min of processor time, validations included")
 
     def _run_segment(self) -> None:
         """Execute the rounds of one segment, validate the student if a validation is due, and save a checkpoint.

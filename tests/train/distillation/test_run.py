@@ -87,7 +87,7 @@ def test_the_labels_are_deleted_at_the_end(finished):
 
 
 @pytest.mark.parametrize("stop_after", [1, 2, 3, 5])
-def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatch, stop_after):
+def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatch, capsys, stop_after):
     folder = tmp_path / "stopped"
     collect = Distillation._run_round
 
@@ -101,6 +101,8 @@ def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatc
         assert main([*WORDS, "--out", str(folder)]) == 130
     has_checkpoint = any((folder / CHECKPOINTS).glob("*.json"))
     assert has_checkpoint == (stop_after > 1)
+    saved = f"{stop_after // 2 * 400} labels are saved; continue the run with --resume --out {folder}"
+    assert (saved in capsys.readouterr().err) == has_checkpoint
     resume = ["--resume"] if has_checkpoint else []
     assert main([*([] if resume else WORDS), *resume, "--out", str(folder)]) == 0
     for name in (BEST, LAST):
@@ -109,8 +111,9 @@ def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatc
 
 
 def test_a_finished_run_cannot_be_continued(finished, capsys):
-    assert main(["--resume", "--out", str(finished)]) == 2
-    assert "finished" in capsys.readouterr().err
+    for out in (["--out", str(finished)], [f"--out={finished}"]):
+        assert main(["--resume", *out]) == 2
+        assert "finished" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
