@@ -8,8 +8,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
-from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
-from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.config import AnyPose, CommandRanges, FallRule, PhysicsOptions, RewardWeights, StartNoise, TaskConfig
+from quad_env.scenarios.disturbances import (
+    Dropouts,
+    Ground,
+    Kicks,
+    Latency,
+    Motors,
+    Payload,
+    Pushes,
+    SensorNoise,
+    SteadyForce,
+)
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
@@ -23,10 +33,10 @@ _TYPE_BY_NAME: dict[str, Any] = {
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, Stairs, HeightField),
-        *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce, DomainRandomisation),
+        *(Dropouts, Ground, Kicks, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce, DomainRandomisation),
         *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
-        *(TaskConfig, FallRule, RewardWeights, HeightScan),
+        *(TaskConfig, FallRule, PhysicsOptions, RewardWeights, HeightScan),
     )
 }
 """Class name in a JSON object -> settings dataclass.

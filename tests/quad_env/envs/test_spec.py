@@ -12,7 +12,9 @@ from gymnasium.envs.registration import EnvSpec
 
 import quad_env
 from quad_env import serialisation
+from quad_env.config import Settings
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing import suite
 
 TERRAINS = quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), quad_env.SmoothRandom(half_size=6.0, spawn_radius=4.0)
 STORM = quad_env.Scenario(
@@ -27,11 +29,14 @@ STORM = quad_env.Scenario(
     latency=quad_env.Latency(0.01, 0.02),
     noise=quad_env.SensorNoise(0.5),
     dropouts=quad_env.Dropouts(),
+    kicks=quad_env.Kicks(),
 )
 OPTIONS: dict[str, Any] = {
     "actuator": quad_env.ACTUATORS["motor"],
     "sensors": quad_env.SensorSuite(imu=quad_env.Imu(gyro_bias=0.01), encoders=quad_env.Encoders(bits=None)),
-    "config": quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(tilt=-3.0)),
+    "config": quad_env.TaskConfig(
+        reward_weights=quad_env.RewardWeights(tilt=-3.0), physics=quad_env.PhysicsOptions(joint_friction="none")
+    ),
 }
 
 
@@ -72,3 +77,14 @@ def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
     """Gymnasium's JSON contains the fields of a setting and not its type."""
     kinds = serialisation._TYPE_BY_NAME.values()
     assert len({frozenset(field.name for field in fields(kind)) for kind in kinds}) == len(kinds)
+
+
+def test_every_settings_class_of_the_package_survives_json() -> None:
+    known = serialisation._TYPE_BY_NAME.values()
+    abstract = {suite.Sampled}
+    assert {kind for kind in _subclasses(Settings) if kind.__module__.startswith("quad_env.")} - abstract == set(known)
+
+
+def _subclasses(kind: type) -> set[type]:
+    """Return all direct and indirect subclasses of a class."""
+    return {each for direct in kind.__subclasses__() for each in (direct, *_subclasses(direct))}
