@@ -19,7 +19,7 @@ from quad_env.robots.structure import JOINTS_PER_LEG
 MAX_SETTLING_ERROR = 0.01
 """Remaining error at which a first-order filter counts as settled, as a fraction of the target change.
 
-It determines the number of past joint targets that `Actuator.target_weights` takes into account.
+This fraction determines the number of past joint targets that `Actuator.target_weights` takes into account.
 """
 JointValues = Positive | tuple[Positive, ...] | None
 """Motor parameter of the joints: one value for all joints, three for hip, thigh and calf of every leg, or twelve.

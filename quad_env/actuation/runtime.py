@@ -173,7 +173,7 @@ class MotorThermalModel:
         """Factor with which a physics step reduces the difference of a winding from its steady-state temperature."""
         self._force_range = force_range
         self.full_range = force_range.copy()
-        """Lower and upper torque limits of each motor of n robots when it is cold, (n, 12, 2), N·m.
+        """Lower and upper torque limits of each motor of n robots when the motor is cold, (n, 12, 2), N·m.
 
         Changes of this array take effect at the next reset.
         """
@@ -236,8 +236,8 @@ def make_thermal_model(
         robot: Robot with the motors.
         actuator: Model of the joint servos.
         timestep: Physics step, s.
-        expand: Function that takes the name of a field of `mujoco.MjModel`. It gives every robot its own values of this
-            field, and returns them as an array with one row per robot, (n, ...).
+        expand: Function that takes the name of a field of `mujoco.MjModel`. The function gives every robot its own
+            values of this field, and returns these values as an array with one row per robot, (n, ...).
 
     Returns:
         The thermal model; None if the actuator has no thermal model.

@@ -28,7 +28,8 @@ SYNONYMS = (
 )
 """Groups of option names with the same meaning, written as field names.
 
-The groups include option names of other programs. If a user types one of these names, the error message suggests ours.
+The groups include option names of other programs. If a user types one of these names, the error message suggests the
+name with the same meaning that the command has.
 """
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
 """Option names in singular and plural; a user may type either form."""

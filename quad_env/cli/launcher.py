@@ -35,7 +35,7 @@ _MEMORY_SIGNS = (
 _UNKNOWN_CPP_ERROR = "caught an unknown exception"
 """Text in the message of MuJoCo's model compiler about any unexpected error.
 
-Its cause may be that too little memory is left to start a thread.
+The cause of this error may be that too little memory is left to start a thread.
 """
 _BLAS_BUFFER = 2**26
 """Largest memory that OpenBLAS allocates at its first large matrix product, bytes."""
@@ -91,7 +91,7 @@ def launch(main: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        if is_broken_pipe(error):  # No error, because programs such as `head` close the pipe when they end.
+        if is_broken_pipe(error):  # This is no error: `head`, for example, closes its pipe early.
             silence_stdout()
         elif error.errno == errno.ENOSPC:
             silence_stdout()
@@ -111,7 +111,7 @@ def launch(main: Callable[[], int]) -> int:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Return True if `error` means that another program, which reads our output, has closed the pipe.
+    """Return True if `error` means that the program that reads this process's output has closed the pipe.
 
     Windows reports a closed pipe as an invalid argument.
     """

@@ -37,16 +37,16 @@ from quad_env.cli.limited_protocol import (
 __all__ = ["MEMORY", "READ_FILES", "TIME", "CrashError", "LimitExceededError", "call", "end_process", "read_limited"]
 
 READ_FILES = "QUAD_ENV_READ_FILES"
-"""Name of the environment variable with hash digests of the files that the subprocess has already read.
+"""Name of the environment variable with digests of files that a subprocess with limits has already read.
 
-These files are not read again in a subprocess. Child processes inherit the variable.
+A file with a digest in this list is not read again in a subprocess. Child processes inherit the variable.
 """
 _MAX_READ_FILES = 200
 """Maximum number of older digests of files that stay in the variable READ_FILES when a digest is added."""
 _IS_LIMITED = "QUAD_ENV_LIMITED"
-"""Name of the environment variable that is set only in the subprocess.
+"""Name of the environment variable that is set only in the subprocess with limits on time and memory.
 
-Because of this variable, the subprocess calls functions itself and does not start another subprocess.
+Because of this variable, the function `call` does not start another subprocess in the subprocess.
 """
 _GRACE_TIME = 2.0
 """Time that is added to the limit on the processor time; the sum is the limit on the run time of a call, s.
@@ -54,11 +54,11 @@ _GRACE_TIME = 2.0
 The limit on the run time ends a call that waits, for example for a pipe, and so uses no processor time.
 """
 _START_TIMEOUT = 120.0
-"""Largest run time in which the subprocess must start, or import the module of a function, s."""
+"""Run time within which the subprocess must have started, or have imported the module of a function, s."""
 _END_TIMEOUT = 5.0
 """Longest wait for the end of a subprocess that has sent no answer, wall time, s."""
 _PROGRAM = "import sys; from quad_env.cli.limited_server import serve; serve()"
-"""Python program of the subprocess."""
+"""Python program that the subprocess with limits runs: it answers requests to call functions."""
 
 
 class _UnavailableError(Exception):

@@ -86,7 +86,7 @@ class Question:
 
 @dataclass(frozen=True)
 class ProcessFailure:
-    """Answer of the subprocess to a request if the called function raised an exception or exceeded its memory."""
+    """Answer of the subprocess to a request if the function raised an exception or took too much memory."""
 
     error: Exception
     """Exception that the calling process raises."""

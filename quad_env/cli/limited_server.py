@@ -27,7 +27,7 @@ from quad_env.cli.limited_protocol import (
 from quad_env.files.text import format_exception
 
 _IDLE_TIME = 30.0
-"""Time after which the subprocess ends if it has received no request, s."""
+"""Time without a request after which the subprocess that reads users' files ends, s."""
 _MAX_RETAINED_MEMORY = 2**28
 """Largest memory that a call may take if the subprocess shall wait for the next request, bytes.
 
@@ -36,7 +36,7 @@ After a call that took more memory, the subprocess ends, because the memory may 
 
 
 def serve() -> None:
-    """Answer requests until none has arrived for `_IDLE_TIME`, or until the parent process has ended.
+    """Answer requests until no request has arrived for `_IDLE_TIME`, or until the parent process has ended.
 
     The subprocess also ends after a call that took much memory, see `_MAX_RETAINED_MEMORY`.
     """

@@ -61,7 +61,7 @@ class Program:
     fallback: Callable[[list[str]], int] | None = None
     """Function that runs if the first word is no command; None if the first word must be a command.
 
-    It takes all words and returns the exit code.
+    The function takes all words after the program's name and returns the exit code.
     """
     moved_commands: Mapping[str, str] = field(default_factory=dict)
     """Name of a command of an older version -> text with the present call of the command.
@@ -120,8 +120,8 @@ class Program:
 def options_class(module: Any) -> type[Any]:
     """Return the dataclass with the options of a command; `module` is the module of the command.
 
-    The dataclass is the annotation of the parameter of `main`. If there is no annotation, it is the module's class
-    `Options`.
+    The dataclass is the annotation of the parameter of `main`. If the parameter has no annotation, the dataclass is the
+    module's class `Options`.
     """
     (parameter,) = inspect.signature(module.main).parameters.values()
     annotated = parameter.annotation is not inspect.Parameter.empty

@@ -1,8 +1,8 @@
 """Diagnosis of a robot that does not stand in simulation: finds the likely cause and a remedy.
 
-The remedy of each suspected cause is tested in simulation. The first remedy with which the robot stands is proposed.
-The tested causes are servo gains, implausible inertias, joint springs, and contacts between the robot's own bodies.
-Servo gains that the robot already has are never proposed.
+The remedy of each suspected cause is tested in simulation. The function `diagnose` proposes the first remedy with which
+the robot stands. The tested causes are servo gains, implausible inertias, joint springs, and contacts between the
+robot's own bodies. Servo gains that the robot already has are never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ class Suspect:
     """Suspected cause of a robot that fails to stand, with a remedy that can be tested; made by `_suspects`."""
 
     cause: str
-    """Text about the suspected cause, for the user."""
+    """Text for the user about the reason for which the robot may fail to stand."""
     remedy: str
     """Text about the proposed change of the model or of a parameter, for the user."""
     apply_remedy: ModelChange | None = None
@@ -47,7 +47,10 @@ class Suspect:
     """Robot with the parameters that the remedy proposes; None if the remedy changes only the model."""
 
     def helps(self, robot: Robot) -> bool:
-        """Return True if `robot` passes the stance test after the remedy has been applied to it."""
+        """Return True if `robot` stands in simulation after the remedy has been applied to it.
+
+        The robot stands if it exceeds no limit of the stance test, see `measure_stance`.
+        """
         env = make_standing_env(self.robot or robot)
         if self.apply_remedy is not None:
             self.apply_remedy(env.simulation)
@@ -56,7 +59,7 @@ class Suspect:
 
 
 def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
-    """Find the likely cause for the failed stance test of a robot, and a remedy.
+    """Find the likely cause why a robot does not stand in simulation, and a remedy.
 
     Args:
         subject: The examined robot, with its name as the user has given it.
@@ -88,7 +91,7 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
 def _holds_targets(stance: Stance) -> bool:
     """Return True if the joints hold their targets in the stance test, but the trunk is tilted or too low.
 
-    In this case, the servos are good, and the home pose or the masses are wrong.
+    In this case, the servo gains are good, and the home pose or the masses are wrong.
     """
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
@@ -111,7 +114,7 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield the suspected cause "implausible inertias" if links have them; its remedy reduces the inertias."""
+    """Yield the suspected cause "implausible inertias" if links have them; the remedy is to reduce these inertias."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _shorten_names([each.name for each in inertias])
@@ -132,8 +135,8 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield the suspected cause "unsuitable servo gains", unless the robot already has the proposed gains.
 
-    The remedy is to use SimpleQuad's servo gains, scaled by leg length and mass. Nothing is yielded for a robot with
-    overloaded joints, because other gains do not help it.
+    The remedy is to use SimpleQuad's servo gains, scaled by leg length and mass. Nothing is yielded if a joint needs
+    almost its rated torque to stand, because other gains do not reduce this torque.
 
     Args:
         subject: The examined robot, with its name as the user has given it.
@@ -162,7 +165,7 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield the suspected cause "joint springs" if the robot has them; its remedy removes the springs."""
+    """Yield the suspected cause "joint springs" if joints have springs; the remedy is to remove them."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -179,7 +182,7 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def self_contacts(subject: DoctorSubject) -> list[str]:
-    """Return one line about the robot's bodies that touch each other at the end of the stance test.
+    """Return one line about the robot's bodies that touch each other at the end of a simulated squat.
 
     The list is empty if the bodies of the robot do not touch each other.
     """
@@ -232,7 +235,7 @@ def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
 
 
 def _rounded(gain: float) -> str:
-    """Format a servo gain as a short, rounded text; the rounded gain is tested and then proposed."""
+    """Format a servo gain as a short, rounded text; `diagnose` tests and proposes the rounded gain."""
     if gain < 1.0:
         return f"{gain:.3g}"
     return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"

@@ -1,6 +1,7 @@
 """Basic classes of the command `doctor`: the examined robot and policy, a check, and its result.
 
-`run_checks` runs checks in order. It leaves out a check that depends on another check which has found a problem.
+`run_checks` runs checks in order. The function leaves out a check that depends on another check which has found a
+problem.
 """
 
 from collections.abc import Iterable, Iterator
@@ -44,7 +45,7 @@ class DoctorSubject:
 
     @cached_property
     def env(self) -> Any:
-        """Environment with the examined robot, which has stiff servos; a fall does not end an episode.
+        """Environment with the examined robot, with its gains `stiff_servo`; a fall does not end an episode.
 
         ValueError is raised if the robot cannot be simulated.
         """
@@ -70,7 +71,7 @@ class Finding:
     result: Literal["ok", "warning", "problem", "left out"]
     """Outcome of the check; a "problem" must be repaired, and a check that was not run is "left out"."""
     observed: str
-    """Text of one line about the fault that the check has found; without a fault, about the examined property."""
+    """Text of one line about the fault that the check has found, or about the property that has no fault."""
     cause: str = ""
     """Text about the likely cause of a warning or problem; empty if the check has found no fault."""
     remedy: str = ""
@@ -89,8 +90,8 @@ def problem(observed: str, cause: str, remedy: str) -> Finding:
 
     Args:
         observed: Text of one line about the fault.
-        cause: Text about its likely cause.
-        remedy: Text about its remedy.
+        cause: Text about the likely cause of the fault.
+        remedy: Text about the remedy of the fault.
 
     Returns:
         The finding.

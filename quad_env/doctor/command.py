@@ -52,8 +52,8 @@ class DoctorOptions:
 def main(options: DoctorOptions) -> int:
     """Run the checks of the installation and the robot, and return the exit code of the command.
 
-    It is used if only the package `quad_env` is installed. Options about policies raise UsageError, because this
-    package contains no policies.
+    This function is the command if only the package `quad_env` is installed. Options about policies raise UsageError,
+    because this package contains no policies.
     """
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")

@@ -17,8 +17,8 @@ PROJECT = "simple-quad"
 RENDER_TIMEOUT = 60.0
 """Time after which a subprocess that has not yet drawn one frame is stopped, s.
 
-It is long enough for software rendering, which compiles the shaders on the processor. The time in which other programs
-used the processor is not counted, see `RunClock`.
+The time is long enough for software rendering, which compiles the shaders on the processor. The time in which other
+programs used the processor is not counted, see `RunClock`.
 """
 EGL_REMEDY = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAWING_PROGRAM = """

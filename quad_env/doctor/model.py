@@ -23,14 +23,15 @@ MIN_RANGE = 0.1
 MAX_RANGE = 8.01 * np.pi
 """Largest valid range of a joint angle, from its lower to its upper limit, rad.
 
-It is slightly more than four turns. The limit is large, because ANYmal's joints can make three turns.
+The number is slightly more than four turns, because the joints of the robot ANYmal can make three turns.
 """
 MIN_MARGIN = 0.03
 """Smallest valid distance between an angle of the home pose and the limits of its joint, rad."""
 MIRROR_TOLERANCE = 0.2
 """Largest valid difference between an angle of a left leg and the mirrored angle of the right leg, rad.
 
-It applies to joint limits and to the home pose. For comparison, the joint limits of the robot Spot differ by 0.05 rad.
+The tolerance applies to joint limits and to the home pose. For comparison, the joint limits of the robot Spot differ by
+0.05 rad.
 """
 
 

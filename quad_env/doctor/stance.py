@@ -37,13 +37,14 @@ class StanceLimits:
 
 
 LIMITS = StanceLimits()
-"""Largest measurements that a robot may have in the stance test."""
+"""Largest measurements with which a robot passes the stance test, that is, stands in simulation."""
 SETTLING_TIME = 0.5
 """Duration of the squat in the stance test, s; a robot that stands comes to rest within this time."""
 MEASURED_TIME = 0.2
 """Duration over which the stance test averages its measurements, s.
 
-It lies at the end of the time in which the robot holds its home pose, and again at the end of the squat.
+The test averages over the last part of the time in which the robot holds its home pose, and over the last part of the
+squat.
 """
 SQUAT_STEP = 0.1
 """Change of the thigh joint targets with which the squat of the stance test starts, rad.
@@ -93,13 +94,13 @@ class Stance:
     def is_overloaded(self) -> bool:
         """True if the torque of a joint in the home pose exceeds the limit `StanceLimits.torque`.
 
-        This joint needs almost its rated torque, so that it has no reserve for motion.
+        A joint that needs almost its rated torque to stand has no reserve for motion.
         """
         return self.torque > LIMITS.torque * self.robot.rated_torque
 
     @property
     def fault(self) -> str | None:
-        """Text about the first limit of the stance test that the robot exceeds; None if the robot stands.
+        """Text about the first limit in `LIMITS` that the robot exceeds; None if the robot stands.
 
         An infinite or NaN measurement counts as a fault, too.
         """

@@ -9,9 +9,9 @@ from quad_env.doctor.stance import measure_stance
 
 
 def stands(subject: DoctorSubject) -> Finding:
-    """Check that the robot passes the stance test.
+    """Check that the robot stands in simulation.
 
-    Its joints have to hold their targets under its weight, and come to rest after a squat.
+    In the stance test, the joints have to hold their targets under the robot's weight, and come to rest after a squat.
     """
     env = subject.env
     robot = env.robot

@@ -30,9 +30,10 @@ _DELIMITERS = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Name of the environment variable with the largest valid size of a policy network file, MiB."""
 _NETWORK_MIB = 128
-"""Default of the largest valid size of a policy network file, MiB; NETWORK_LIMIT names the variable to set it.
+"""Default of the largest valid size of a policy network file, MiB.
 
-Published policies have 0.1 to 20 MiB, or up to 100 MiB with an image encoder.
+The environment variable QUAD_ENV_LARGEST_NETWORK replaces this default. Published policies have 0.1 to 20 MiB, or up to
+100 MiB with an image encoder.
 """
 
 

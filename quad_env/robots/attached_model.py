@@ -24,9 +24,10 @@ _SITE_MARGIN = 1e-3
 The box is larger than the geoms because MuJoCo's touch sensor measures only contacts inside its site.
 """
 _ALIGNED = 1e-12
-"""Largest difference between the root body's and the trunk's frame at which they are considered equal.
+"""Largest difference at which the frames of the root body and of the trunk are considered equal.
 
-It limits the difference of the origins, m, and the difference of each coefficient of the rotation matrices.
+The limit applies to each coordinate of the vector between the two origins, m. It also applies to each entry of the
+relative rotation matrix minus the identity matrix.
 """
 
 
@@ -53,11 +54,14 @@ class AttachedModel:
     spec: Any
     """Copy of the user's `mujoco.MjSpec`; the functions of the module `attached_model` change this copy."""
     model: Any
-    """Compiled `mujoco.MjModel` of the user's file; it stays unchanged, and is the source of the compiled values."""
+    """Compiled `mujoco.MjModel` of the user's file, which stays unchanged.
+
+    The masses, inertias and joint parameters of this model are written to `spec`.
+    """
     structure: RobotStructure
     """Trunk, legs and colliding geoms that were found in `model`."""
     elements: SpecElements
-    """Bodies, joints and geoms of `spec`, found by their ids in `model`."""
+    """Bodies, joints and geoms of `spec`; the keys of the dictionaries are the ids in `model`."""
 
     @property
     def root(self) -> Any:
@@ -129,15 +133,16 @@ def align_joint_axes(attached: AttachedModel) -> None:
 
 
 def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, float], motor: Floats) -> None:
-    """Convert one leg joint to the joint axes and zero angles of this package, see `align_joint_axes`.
+    """Convert the axis, the zero angle and the parameters of one leg joint, see `align_joint_axes`.
 
-    The torque of a joint spring at the deflection x is -(a x + b x² + c x³) with the spring coefficients a, b and c.
-    The coefficient b changes its sign if the axis is reversed. The torque of a damper is an odd function of the joint
-    speed, so its coefficients do not change.
+    After the conversion, hips turn about +x, thighs and calves about +y, and the angle is zero with the leg straight
+    down. The torque of a joint spring at the deflection x is -(a x + b x² + c x³) with the spring coefficients a, b and
+    c. The coefficient b changes its sign if the axis is reversed. The torque of a damper is an odd function of the
+    joint speed, so the damping coefficients do not change.
 
     Args:
         attached: The user's model; its `spec` is changed.
-        number: Index of the joint among the robot's twelve joints.
+        number: Index of the joint among the robot's twelve leg joints, in the order of the legs.
         limits: Lower and upper joint limit after the conversion, rad.
         motor: Armature, followed by the three damping coefficients, which the motors add to the joint, (4,).
     """
@@ -255,7 +260,7 @@ def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
 
 
 def rename_elements(attached: AttachedModel) -> None:
-    """Give the trunk, the links, the leg joints and the foot geoms names that the simulation can find.
+    """Give the trunk, the links, the leg joints and the foot geoms the names that the simulation expects.
 
     These parts get SimpleQuad's names, such as `base_link` and `fl_foot`; only the joints keep the user's names. The
     function also adds sites for sensors to the feet. A trunk that does not collide with the ground gets a colliding
@@ -278,10 +283,10 @@ def rename_elements(attached: AttachedModel) -> None:
 
 
 def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
-    """Name the joints, links and foot geoms of a leg as in the scene, and add sites for the sensors of its foot.
+    """Name the joints, links and foot geoms of a leg, and add sites for the sensors of its foot.
 
-    One site is at the centre of the foot. One further site per body with foot geoms is a box around these geoms, in
-    which a touch sensor measures contacts.
+    The links and foot geoms get the names of SimpleQuad's parts. One site is at the centre of the foot. One further
+    site per body with foot geoms is a box around these geoms, in which a touch sensor measures contacts.
     """
     model = attached.model
     elements = attached.elements
@@ -343,8 +348,8 @@ def reset_orientation(element: Any) -> None:
 def move_base_frame(attached: AttachedModel) -> None:
     """Move the frame of the root body, which has the free joint, to the frame of the trunk.
 
-    The poses of the free joint are then the poses of the trunk. Geoms, sites, child bodies and the centre of mass of
-    the root body keep their places in the world.
+    The pose of the free joint is then the pose of the trunk. Geoms, sites, child bodies and the centre of mass of the
+    root body keep their places in the world.
     """
     import mujoco
 

@@ -72,7 +72,7 @@ def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> l
 def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Add a rule to `attached.spec` for each overlap, so that the two overlapping bodies do not collide.
 
-    The new rules are returned. The returned list has two items per rule: one for each of its bodies.
+    The new rules are returned, with two items per rule: one for each of the two bodies.
     """
     _, *fields = RULES["excludes"]
     rules: list[Rule] = []
@@ -122,7 +122,7 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
 
     Returns:
         Bodies of the link with geoms that collide with the ground. A body that also has foot geoms is replaced by its
-        other colliding geoms.
+        colliding geoms that are not foot geoms.
     """
     parts: list[Any] = []
     for each in welded_bodies(attached.model, body):
@@ -133,7 +133,7 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
 
 
 def set_ground_bits(attached: AttachedModel) -> None:
-    """Set the bit `GROUND_BIT` of `contype` in the geoms that collide with the ground, and clear it in all others.
+    """Set the bit `GROUND_BIT` of `contype` in the geoms that collide with the ground, and clear it in all other geoms.
 
     The bit is also cleared in `conaffinity` of all geoms, so that it does not affect self-collisions.
     """

@@ -19,22 +19,22 @@ from quad_env.robots.shapes import Floats, bounding_box, end_spheres, rounded_hu
 
 @dataclass(frozen=True)
 class StanceTilts:
-    """Tilts of the shin that a standing robot can have; geoms that touch the ground at one of them are the foot."""
+    """Tilts of the shin in a stance; a geom that touches the ground at one of these tilts is part of the foot."""
 
     margin: float = 0.3
-    """Margin that is added to the shin's largest tilt in the model's keyframes to get its largest tilt in stance, rad.
+    """Difference between the largest shin tilt in stance and the largest shin tilt in the keyframes, rad.
 
-    It is also the largest tilt in the direction in which the knee does not bend.
+    This number is also the largest shin tilt in the direction in which the knee does not bend.
     """
     min_bent: float = 0.8
-    """Lower limit of the largest shin tilt in stance that is computed from the model's keyframes, rad.
+    """Lower bound of the largest shin tilt in stance, in the direction in which the knee bends, rad.
 
-    It applies to the direction in which the knee bends.
+    If the tilt that is computed from the model's keyframes is smaller, this bound replaces it.
     """
     max_bent: float = 1.0
-    """Upper limit of the largest shin tilt in stance that is computed from the model's keyframes, rad.
+    """Upper bound of the largest shin tilt in stance, in the direction in which the knee bends, rad.
 
-    It applies to the direction in which the knee bends.
+    If the tilt that is computed from the model's keyframes is larger, this bound replaces it.
     """
     max_roll: float = 0.4
     """Largest tilt of the shin to the left and to the right, rad."""
@@ -55,7 +55,10 @@ class FootThresholds:
     It is larger than `level` because contacts yield under load.
     """
     ball_depth: float = 1e-4
-    """Largest depth of added foot geoms below the foot's ball at which the ball alone represents the foot, m."""
+    """Largest depth of foot geoms below the foot's ball at which the ball alone represents the foot, m.
+
+    The depth is measured for the geoms that `extend_foot` adds to the foot.
+    """
     shin_length: float = 0.5
     """Smallest length of a geom along the leg at which it is a shin, as a fraction of the knee-sole distance."""
     sole_height: float = 0.1
@@ -63,10 +66,14 @@ class FootThresholds:
     max_radius: float = 0.15
     """Largest radius of the ball that models a foot, as a fraction of the knee-sole distance.
 
-    It applies to feet that are not a single sphere or capsule.
+    The limit applies to feet that are not a single sphere or capsule.
     """
     end_distance: float = 0.9
-    """Smallest distance of a geom from the knee at which it is at the leg's end, as a fraction of the largest one."""
+    """Smallest distance from the knee at which a geom belongs to the leg's end, dimensionless.
+
+    It is a fraction of the distance between the knee and the farthest point of the leg's last link. The distance of a
+    geom is measured at its farthest point.
+    """
     min_vector: float = 1e-6
     """Smallest length of a vector with a defined direction, m; shorter vectors are treated as zero."""
 
@@ -157,7 +164,8 @@ def _ball_foot(model: Any, data: Any, geoms: tuple[int, ...], knee: Floats, down
         down: Direction from the knee to the middle of the foot, unit vector, world frame, (3,).
 
     Returns:
-        The foot; None if it has several geoms or another shape, or if the capsule lies across the leg.
+        The foot; None if there are several foot geoms, if the geom is no sphere or capsule, or if the capsule lies
+        across the leg.
     """
     first = geoms[0]
     ends = end_spheres(model, first) if len(geoms) == 1 else []
@@ -297,7 +305,7 @@ def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, fl
 def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats | None:
     """Return the direction from the knee to the middle of the leg's end, perpendicular to the knee's axis.
 
-    It is the direction that points straight down when the leg is straight.
+    This direction points straight down when the leg is straight.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -327,8 +335,9 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
 def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
     """Refine an estimate of the direction from the knee to the middle of the leg's end by fixed-point iteration.
 
-    In each iteration, the new direction points to the middle of the foot. The middle is as far along the present
-    direction as the farthest of the points, and halfway between the foremost and the rearmost point.
+    In each iteration, the new direction points to the middle of the leg's end. Along the present direction, the middle
+    is as far from the knee as the farthest point. Across this direction, it is halfway between the foremost and the
+    rearmost point.
 
     Args:
         points: Positions of k points of the geoms at the leg's end, relative to the knee, world frame, (k, 3), m.
@@ -440,7 +449,7 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     """Reduce the points of a foot to those that can touch the ground.
 
     The function keeps the points that are extreme in one of the sampled directions. It adds the lowest points of the
-    balls, so that the foot is exact when the leg points straight down.
+    balls, so that the shape is exact when the leg points straight down.
 
     Args:
         points: Positions of k points of a foot, base frame with the leg straight down, (k, 3), m.

@@ -1,7 +1,7 @@
-"""Correction of impossible and missing inertias of a user's model; it returns the names of changed bodies.
+"""Correction of impossible and missing inertias of a user's model; the functions return the changed bodies.
 
-An inertia is impossible if a principal moment is not above 0 or exceeds the sum of the other two. It is replaced by
-three equal moments with the same mean, as MuJoCo's option `balanceinertia` does.
+An inertia is impossible if a principal moment is not above 0 or exceeds the sum of the other two. The impossible
+inertia is replaced by three equal moments with the same mean, as MuJoCo's option `balanceinertia` does.
 """
 
 from typing import Any
@@ -95,8 +95,9 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
 def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
     """Give a negligible mass to massless moving links of a URDF; return the names of massless links.
 
-    MuJoCo would refuse a moving link without a mass. The link gets the mass `MIN_LINK_MASS` if a link below it has a
-    mass. If the file requests that MuJoCo computes masses from shapes, the function changes nothing.
+    By default, masses are not inferred from the shapes of a URDF, and MuJoCo would refuse a moving link without a mass.
+    The link therefore gets the mass `MIN_LINK_MASS` if a link below it has a mass. If the file requests that MuJoCo
+    computes masses from shapes, the function changes nothing.
 
     Args:
         spec: The `mujoco.MjSpec` of the URDF, which is changed in place.

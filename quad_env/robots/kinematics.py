@@ -94,7 +94,7 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
     knee = joints[..., 1] + joints[..., 2]
     upper = robot.thigh_length
     lower = robot.calf_length
-    # These are the derivatives with respect to calf and thigh angle: forward and upward, in the plane of the leg.
+    # Derivatives of the foot position with respect to calf and thigh angle: forward and upward in the leg's plane.
     by_calf = -lower * np.cos(knee), lower * np.sin(knee)
     by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
     jacobians = np.zeros((*joints.shape, 3))

@@ -35,7 +35,7 @@ A cause applies if its translations explain all wrong names.
 """
 
 PARTIAL_REMEDY = "the other legs are where their names say: exchange the names of these, or their places"
-"""Text of the remedy if the names of only some legs contradict their positions."""
+"""Text of the remedy for the user, if the names of only some legs contradict their positions."""
 
 
 def split_words(name: str) -> list[str]:

@@ -1,8 +1,9 @@
 """Detection and locking of a robot's joints that belong to no leg, such as joints of an arm or wheels.
 
 A locked joint is removed from the model, and its body is welded to the parent body. The alternative is a stiff servo or
-an equality constraint that holds the joint. It would limit the stable time step, yield under load, and leave joint
-coordinates in the state that policies do not expect. A weld is exact at any time step and costs no computation.
+an equality constraint that holds the joint. Each of these would limit the stable time step, yield under load, and leave
+joint coordinates in the state that policies do not expect. A welded body is exact at any time step and costs no
+computation.
 """
 
 from collections import Counter

@@ -88,8 +88,8 @@ KEPT = _fields("""
 """)
 """Fields of `mujoco.MjModel` with values that an imported robot keeps from the user's model.
 
-They are converted to the joint axes and zero angles of `Robot`. Armature and damping of a motor are added to its joint.
-Spring, damping, armature and friction of the free joint are not kept; the module `omissions` reports them.
+The values are converted to the joint axes and zero angles of `Robot`. Armature and damping of a motor are added to its
+joint. Spring, damping, armature and friction of the free joint are not kept; the module `omissions` reports them.
 """
 REPLACED = _fields("""
     geom_condim geom_priority geom_margin geom_gap geom_solref geom_solimp geom_solmix geom_fluid

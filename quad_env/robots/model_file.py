@@ -33,7 +33,7 @@ models have some hundreds of parts of one type at most.
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
 """Attributes of `mujoco.MjSpec` with the parts that `MAX_PARTS` limits.
 
-Their number is limited because an import deletes these parts from the user's model.
+The number of these parts is limited because an import deletes them from the user's model.
 """
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 """File to which MuJoCo writes warnings if the user has chosen no other log file."""
@@ -97,7 +97,7 @@ def check(path: Path) -> None:
 
 @cache
 def _installed_folders() -> tuple[str, ...]:
-    """Return the paths of the folders with installed packages, including this one.
+    """Return the paths of the folders with installed packages, including the folder of this package.
 
     Model files in these folders are trusted.
     """

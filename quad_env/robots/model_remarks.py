@@ -64,8 +64,8 @@ def overlap_remark(robot: RobotParameters) -> str | None:
 def body_names(robot: RobotParameters) -> dict[str, str]:
     """Return the dictionary: name of a body in the simulated scene -> name of this body in the user's file.
 
-    Messages use it to name bodies as the user does, because an import renames them. Bodies without a name in the file
-    are left out. The dictionary is empty for a robot that is not imported.
+    Messages use the dictionary to name bodies as the user does, because an import renames the bodies. Bodies without a
+    name in the file are left out. The dictionary is empty for a robot that is not imported.
     """
     if not robot.imported:
         return {}

@@ -1,6 +1,6 @@
 """Computation of a robot's parameters from a user's MJCF or URDF.
 
-A user can give some of the parameters, in a TOML file or in Python; the functions then do not infer them.
+A user can give some of the parameters, in a TOML file or in Python; these parameters are then not inferred.
 """
 
 from collections.abc import Callable, Sequence
@@ -58,7 +58,8 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
 
     Args:
         path: MJCF or URDF file, or a TOML file that contains parameters and the path of an MJCF or URDF file.
-        name: Name of the robot; None for the name in the TOML or, without it, the name of the file.
+        name: Name of the robot; None for the name in the TOML, or for the name of the file without its ending if the
+            TOML has no name.
         **figures: Name and value of each parameter that is not inferred; they override the parameters in the TOML.
 
     Returns:
@@ -414,8 +415,8 @@ def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
 def _level_feet(robot: RobotParameters) -> RobotParameters:
     """Return a copy of the robot with a home pose in which all feet touch the ground while the trunk is level.
 
-    The legs can have different hip heights or foot shapes. The function bends the legs that reach lower further, in
-    several iterations.
+    With equal joint angles, legs with different hip heights or foot shapes do not reach equally low. In several
+    iterations, the function therefore bends the legs that reach lower further.
     """
     for _ in range(_MAX_LEVEL_ITERATIONS):
         heights = robot.leg_heights

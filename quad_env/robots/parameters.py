@@ -77,7 +77,7 @@ class RobotParameters:
     rated_torque: float
     """Largest torque of every joint, N·m; the servos limit their torques to ± this value."""
     rated_speed: float
-    """Rated speed of every joint, rad/s. It is reported; the ideal actuator does not enforce it."""
+    """Rated speed of every joint, rad/s. Reports contain this number; the ideal actuator does not enforce it."""
     knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
     """Sign of each calf's angle when the knee is bent: -1 for backward, 1 for forward; stored as (4,).
 
@@ -96,7 +96,7 @@ class RobotParameters:
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
     """Servo gains for controllers that need stiff servos: N·m/rad and N·m·s/rad; stored as (2, 12).
 
-    The first row is the stiffness, the second row the damping. They are SimpleQuad's gains, scaled by mass and leg
+    The first row is the stiffness, the second row the damping. The gains are SimpleQuad's, scaled by mass and leg
     length, or the gains in the user's TOML. The constructor also accepts two numbers for all joints.
     """
     servo_fixed: bool = False
@@ -216,7 +216,7 @@ class RobotParameters:
 
     @property
     def leg_heights(self) -> Floats:
-        """Height of the base frame's origin above the sole of each foot in the level home pose, (4,), m."""
+        """Height of the base frame's origin above each foot's sole in the home pose with a level trunk, (4,), m."""
         return self.hip_heights + self._foot_depths - self.hip_positions[:, 2]
 
     @cached_property

@@ -1,7 +1,7 @@
 """Functions for the names of a robot's bodies, joints, geoms and sites in the simulated scene.
 
 Names of parts of a user's model have prefixes, so that they differ from the names of other parts of the scene. Several
-equal parts, such as the geoms of one foot, are numbered.
+parts of the same kind, such as the geoms of one foot, are numbered.
 """
 
 import re
@@ -30,7 +30,7 @@ def scene_name(name: str) -> str:
 
 
 def numbered_name(name: str, number: int) -> str:
-    """Return the name of one of several equal parts: `name` for `number` 0, `name_2` for 1, and so on."""
+    """Return the name of one of several parts of the same kind: `name` for `number` 0, `name_2` for 1."""
     return name if number == 0 else f"{name}_{number + 1}"
 
 

@@ -47,7 +47,8 @@ then gets SimpleQuad's gains, scaled by mass and leg length.
 _KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
 """Name of a built-in robot -> sign of the calf angles when the knees are bent (-1: backward).
 
-It contains only the robots for which the joint limits and keyframes of the model file do not show the direction.
+The dictionary contains only the robots for which the joint limits and keyframes of the model file do not show the
+direction.
 """
 
 

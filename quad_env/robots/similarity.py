@@ -34,14 +34,14 @@ _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in
 LATERAL_LENGTH = "m wide"
 """Unit of a distance between left and right feet, in m, for `scale_to_robot`.
 
-The distance is the sum of the distance between the left and right thigh joints and a remainder. The other robot's
-distance between the thigh joints replaces the first part, and the remainder scales with the leg length.
+SimpleQuad's distance between the left and right thigh joints is subtracted first. The remainder is scaled by the leg
+length, and the other robot's distance between these joints is added.
 """
 LONGITUDINAL_LENGTH = "m long"
 """Unit of a distance between fore and hind feet, in m, for `scale_to_robot`.
 
-The distance is the sum of the distance between the fore and hind thigh joints and a remainder. The other robot's
-distance between the thigh joints replaces the first part, and the remainder scales with the leg length.
+SimpleQuad's distance between the fore and hind thigh joints is subtracted first. The remainder is scaled by the leg
+length, and the other robot's distance between these joints is added.
 """
 HIP_HEIGHT = "m high"
 """Unit of a height of the hips above the feet, in m, for `scale_to_robot`.

@@ -65,7 +65,7 @@ _LENGTH_TOLERANCE = 0.02
 The difference is limited because the controllers use the same dimensions for all legs.
 """
 _MIN_LINK_LENGTH = 1e-3
-"""Smallest valid length of a thigh or a calf, m; a shorter length means that the model has an error."""
+"""Smallest valid length of a thigh or a calf, m; a shorter length shows an error of the model."""
 
 
 class ModelError(ValueError):
@@ -90,7 +90,7 @@ class Leg:
     hip: Floats
     """Position of the hip joint, base frame, (3,), m.
 
-    It is the point on the axis of the hip joint that has the same x coordinate as the thigh joint.
+    This position is the point on the axis of the hip joint that has the same x coordinate as the thigh joint.
     """
     hip_offset: float
     """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
@@ -485,7 +485,7 @@ def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
 
 
 def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[Foot, list[int]]:
-    """Find the foot of a leg as if the leg pointed straight down, see `find_foot`.
+    """Find the foot of a leg: the colliding geoms that are lowest if the leg points straight down.
 
     Args:
         model: Compiled `mujoco.MjModel`.

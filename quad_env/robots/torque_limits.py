@@ -1,9 +1,9 @@
 """Computation of the ranges of the joint torques that the actuators of a user's model can apply.
 
-It follows MuJoCo's rules. The torques of all actuators of a joint are added. An actuator acts on one joint, or through
-a fixed tendon on several joints. The range of a torque is unknown if the actuator's force has no limit, or if the
-actuator's lever arm depends on the pose. The lever arm depends on the pose for actuators of sites, slider-cranks and
-spatial tendons.
+The computation follows MuJoCo's rules. The torques of all actuators of a joint are added. An actuator acts on one
+joint, or through a fixed tendon on several joints. The range of a torque is unknown if the actuator's force has no
+limit, or if the actuator's lever arm depends on the pose. The lever arm depends on the pose for actuators of sites,
+slider-cranks and spatial tendons.
 """
 
 from collections.abc import Sequence
@@ -142,8 +142,9 @@ def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | N
 def _max_tension(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
     """Compute the largest force along a tendon that limits the sum of its actuator forces.
 
-    All forces start at the end of their range that pulls most. Until the sum is within its limits, the force of the
-    actuator with the smallest gear ratio is changed first, because this reduces the force along the tendon least.
+    At first, each actuator has the force that contributes most to the force along the tendon. If the sum of these
+    forces is outside its limits, the forces are changed until the sum is within the limits. The actuator with the
+    smallest gear ratio is changed first, because its change reduces the force along the tendon least.
 
     Args:
         actuators: Gear ratio, and range of the force before the gear, (2,), of each actuator of the tendon.

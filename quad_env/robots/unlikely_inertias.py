@@ -83,7 +83,8 @@ def _reach(model: Any, body: int) -> float:
     """Return the distance from a body's centre of mass to the farthest point of its rigid assembly, m.
 
     The rigid assembly is the body and all bodies welded to it, with their shapes and the origins of their child bodies.
-    It is used because in many files one link has the mass, and links that are welded to it have the shapes.
+    The whole assembly is used because in many files one link has the mass, and links that are welded to it have the
+    shapes.
     """
     points: list[Floats] = []
     for each in welded_bodies(model, body):
@@ -95,7 +96,7 @@ def _reach(model: Any, body: int) -> float:
 
 
 def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
-    """Transform points from the frame of a body to the frame of the first body that it is welded to.
+    """Transform points from the frame of a body to the frame of the topmost body of its rigid assembly.
 
     Args:
         model: Compiled `mujoco.MjModel`.

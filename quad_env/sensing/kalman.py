@@ -68,8 +68,9 @@ class KalmanParameters:
     lever_arm_noise_gain: float = 0.5
     """Fraction of the IMU's distance from the trunk's centre that is treated as noise in each sample.
 
-    The velocity of the IMU relative to the trunk's centre averages out over a stride. A larger value makes the filter
-    trust the accelerometer less while the trunk turns.
+    When the trunk turns, the IMU moves relative to the trunk's centre. This velocity averages out over a stride, so
+    that only a fraction of it acts as noise. A larger value makes the filter trust the accelerometer less while the
+    trunk turns.
     """
     contact_velocity_std: float = 0.015
     """Standard deviation of the velocity of a stance foot along each axis, m/s.
@@ -119,9 +120,9 @@ class KalmanParameters:
     slip_velocity_inflation: float = 0.05
     """Velocity noise that a foot adds if it reads contact but seems to move, as a fraction of its speed.
 
-    It is the standard deviation of noise that is added to the trunk's velocity in each sample. It applies to feet that
-    have read contact for longer than `min_contact_duration`. The foot may in fact be at rest, while the estimated
-    velocity of the trunk is wrong.
+    The product of this fraction and the speed is the standard deviation of noise that is added to the trunk's velocity
+    in each sample. Only feet that have read contact for longer than `min_contact_duration` add this noise. The foot may
+    in fact be at rest, while the estimated velocity of the trunk is wrong.
     """
     min_contact_duration: float = 0.025
     """Duration of an uninterrupted contact reading after which `slip_velocity_inflation` applies to a foot, s."""
@@ -234,8 +235,8 @@ class FootMeasurement(NamedTuple):
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
     """Compute the standard deviations of the sensor errors of a sensor `suite`.
 
-    The filter does not know the direction of the IMU's position error and the axis of its mounting error. It gets only
-    the root mean square of the components of each error.
+    The filter does not know the direction of the IMU's position error and the axis of its mounting error. The filter
+    gets only the root mean square of the components of each error.
     """
     imu = suite.imu
     encoders = suite.encoders
@@ -516,8 +517,8 @@ class KalmanFilter:
     def _encoder_noise(self, readings: AlignedReadings, jacobians: Array) -> Array:
         """Return the covariance of each measured foot position of k robots, base frame, (k, 4, 3, 3), m².
 
-        It follows from the noise of the encoder `readings`. `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad,
-        which convert joint angle errors to position errors.
+        The covariance follows from the noise of the encoder `readings`. `jacobians`, (k, 4, 3, 3), m/rad, are the foot
+        Jacobians, which convert joint angle errors to position errors.
         """
         angle_std = np.where(readings.has_new_angles, self._errors.angle, PARAMETERS.missing_sample_std)
         angle_std = angle_std[:, None, None, None]

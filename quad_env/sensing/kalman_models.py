@@ -97,7 +97,7 @@ class RotatedState(NamedTuple):
     velocity: Array
     """Velocity of the trunk's centre at the start of the control period, for k robots, (k, 3), m/s.
 
-    It is expressed in the base frame at the end of the period.
+    The vector is expressed in the base frame at the end of the period.
     """
     calf_rotation: Array
     """Rotation vector of each calf of k robots during the control period, base frame, (k, 4, 3), rad."""

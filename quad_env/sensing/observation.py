@@ -147,7 +147,7 @@ class SensorObservation:
     the home pose. `joint_velocity` is the difference of the last two encoder samples divided by the sample period.
     `projected_gravity` and `linear_velocity` are estimated from readings that were all taken at the same time; the
     sensor with the longest delay determines the age of these readings. The scenario's noise and latency are added to
-    the result.
+    the resulting observation.
 
     Args:
         robot: Geometry and home pose of the robots.
@@ -185,7 +185,7 @@ class SensorObservation:
         self._last_update_step = np.full(num_envs, -1)
         """Control step of the episode in which the sensors of each of n robots were last read, (n,).
 
-        It is -1 if the sensors have not been read in the episode.
+        The number is -1 if the sensors have not been read in the episode.
         """
         self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
         """Numbers of the sensor-measured observation terms of n robots at the last reading, (n, width).

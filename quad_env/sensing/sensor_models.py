@@ -38,7 +38,8 @@ class Noise:
         self._block = np.full(num_envs, -1)
         """Number of the block of control steps that `_noise` contains, for each of n robots, (n,).
 
-        Blocks are counted from 0 at the start of an episode. It is -1 before the first noise of an episode is drawn.
+        Blocks are counted from 0 at the start of an episode. The number is -1 before the first noise of an episode is
+        drawn.
         """
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
@@ -51,8 +52,8 @@ class Noise:
         """Return the noise of k robots, each at its control step.
 
         Args:
-            clock: Number of control steps since the start of the episode, for each of k robots, (k,). It must not
-                decrease from call to call.
+            clock: Number of control steps since the start of the episode, for each of k robots, (k,). The numbers must
+                not decrease from call to call.
             env_ids: Indices of the k robots, (k,).
 
         Returns:
@@ -124,7 +125,7 @@ class Channel:
     def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
         """Return the newest sample that is at least `delay_steps` control steps old.
 
-        If no sample is that old, the result is the first sample of the episode.
+        If no sample has this age yet, the result is the first sample of the episode.
 
         Args:
             clock: Number of control steps since the start of the episode, for each of k robots, (k,).
@@ -167,8 +168,8 @@ class Channel:
     def time(self, clock: Clock) -> Array:
         """Return the measurement times of the newest samples that k robots can read after the delay, (k,), s.
 
-        The times are measured from the start of each robot's episode. `clock` is the number of control steps since
-        then, (k,).
+        The times are measured from the start of each robot's episode. `clock` is the number of control steps since this
+        start, (k,).
         """
         return self._sample_index(clock, None) * self.period / self._control_rate
 

@@ -18,7 +18,7 @@ class Sampled(Settings):
     """Base class of the settings of a sensor: sample rate and delay."""
 
     rate: Positive | None = None
-    """Sample rate, Hz; the control rate must be an integer multiple of it. None for the control rate"""
+    """Sample rate, Hz; None for the control rate, which must be an integer multiple of the sample rate"""
     delay: Delay = 0.01
     """Time from a measurement until it can be read, s; by default one control step"""
 
@@ -86,9 +86,9 @@ class Encoders(Sampled):
 
 @dataclass(frozen=True)
 class FootContact(Sampled):
-    """Settings of the force sensors in the feet, which read contact or no contact.
+    """Settings of the foot contact sensors: they read contact if the measured force reaches a threshold.
 
-    For comparison, each foot of SimpleQuad carries 35 N if the robot stands on four feet.
+    For comparison with `threshold`: each foot of SimpleQuad carries 35 N if the robot stands on four feet.
     """
 
     threshold: Positive = 10.0
