@@ -4,7 +4,7 @@ A policy controls a batch of n robots. Make the policy for an environment, and c
 
     policy = policies.make("trot", robot=env.robot, control_period=env.dt)
     policy.reset(num_envs=n)
-    action = policy.act(observation)  # (n, k) -> (n, 12) rad
+    action = policy.act(observation)  # observation, (n, k) -> joint targets, (n, 12), rad
 """
 
 from policies.base import Policy, PolicyError
@@ -18,9 +18,9 @@ from policies.safety import Safe
 from policies.trot.open_loop import Trot
 
 Foreign = ExternalPolicy
-"""Deprecated name of `ExternalPolicy`."""
+"""Deprecated name of `ExternalPolicy`, the class of policies from files that a user provides."""
 unsupported = unsupported_file_remedy
-"""Deprecated name of `unsupported_file_remedy`."""
+"""Deprecated name of the function `unsupported_file_remedy`."""
 
 __all__ = [
     "SAFE",

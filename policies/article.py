@@ -1,9 +1,10 @@
 """Trot controller from the article that this project started from: as printed, and repaired.
 
 The policy `document` is the printed controller, and `document_repaired` is the repaired controller. The robot collapses
-with the printed controller, which serves only as a demonstration. It has three errors. It measures the thigh angle from
-the +x axis, but the robot measures this angle from straight down. Its leg length ignores the lateral offset of the foot
-from the hip. Its stance phase starts half a step length behind the end of the swing phase.
+with the printed controller, which serves only as a demonstration. The printed controller has three errors. It measures
+the thigh angle from the +x axis, but the robot measures this angle from straight down. Its formula for the leg length
+ignores the lateral offset of the foot from the hip. Its stance phase starts half a step length behind the end of the
+swing phase.
 """
 
 from dataclasses import dataclass
@@ -37,16 +38,16 @@ class PrintedGait(Parameters):
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
         """Compute the foot positions of the trot in the article at a phase of the gait clock.
 
-        With the step length s, a swing foot moves forward from -s/2 to s/2; its height is a half sine. A stance foot
-        moves backward by s on the ground.
+        With the step length s, a swing foot moves forward from -s/2 to s/2, and its height follows a half sine. A
+        stance foot moves backward by s on the ground.
 
         Args:
             robot: Robot with the hip joints and the order of the legs.
             phase: Phase of the gait clock, (...), rad.
-            stance_start: Forward position of a foot at the start of its stance phase, hip frame, m.
+            stance_start: Forward position of a foot at the start of its stance phase, relative to its hip joint, m.
 
         Returns:
-            Foot positions (fl, fr, hl, hr), each in the frame of its hip, (..., 4, 3), m.
+            Foot positions (fl, fr, hl, hr), each relative to its hip joint (x forward, y left, z up), (..., 4, 3), m.
         """
         phases = leg_phases(phase, robot.in_leg_order(TROT_OFFSETS))
         swing = phases < np.pi
@@ -59,11 +60,12 @@ class PrintedGait(Parameters):
 def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
     """Compute joint angles from foot positions by the inverse kinematics in the article.
 
-    The formulas contradict the axis conventions of the robot, so that the feet do not reach the given positions.
+    The formulas contradict the joint axes of the robot. With the resulting angles, the feet do not reach the given
+    positions.
 
     Args:
         robot: Robot with the link lengths.
-        feet: Foot positions, each in the frame of its hip, (..., 3), m.
+        feet: Foot positions, each relative to its hip joint (x forward, y left, z up), (..., 3), m.
 
     Returns:
         Angles of the hip, thigh and calf joint, (..., 3), rad; zero for foot positions that a leg cannot reach.
@@ -84,8 +86,8 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 class Document(GaitedPolicy):
     """Trot controller exactly as it is printed in the article that this project started from.
 
-    The controller ignores the velocity command and the rest of the observation. The trot starts at once, with no blend
-    from the home pose. The joint targets are clipped to the joint limits.
+    The controller ignores the observation, also the velocity command in it. The trot starts at once: the targets are
+    not blended with the home pose at the start of an episode. The joint targets are clipped to the joint limits.
 
     Args:
         parameters: Gait parameters; None for the values in the article.
@@ -116,8 +118,8 @@ class DocumentRepaired(Document):
     """Trot controller from the article with only the repairs that it needs to walk.
 
     The controller ignores the velocity command. Its inverse kinematics are exact, with the thigh angle measured from
-    straight down. A stance foot starts where its swing phase ends, and moves from +s/2 to -s/2 with the step length s.
-    At the start, the joint targets are blended with the home pose.
+    straight down. A stance phase starts at the foot position at which the swing phase ends: the foot moves backward
+    from +s/2 to -s/2, with the step length s. At the start, the joint targets are blended with the home pose.
 
     All parameters have the values in the article. The step height of 0.15 m at a body height of 0.25 m needs a calf
     angle of -2.64 rad at mid-swing, beyond the joint limit of -2.5 rad. The target is clipped to this limit, so that
@@ -126,7 +128,9 @@ class DocumentRepaired(Document):
 
     name = "document_repaired"
     blend_time = 0.5
-    """Duration of the transition from the home pose to the gait at the start of an episode, s; one gait cycle."""
+    """Duration of the transition from the home pose to the gait at the start of an episode, s.
+
+    It is the duration of one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
         """Return the joint targets at a `phase` of the gait clock, (...), rad.

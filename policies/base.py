@@ -74,7 +74,7 @@ class Policy(ABC):
 
     The environment must be made with the same terms: `gym.make(..., observations=policy.observations)`."""
     stiff_servos: ClassVar[bool] = False
-    """True if the policy uses the servo gains `stiff_servo` of the robot, because softer servos would sag too far."""
+    """True if the policy uses the servo gains `Robot.stiff_servo`, because softer servos would sag too far."""
 
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
@@ -85,7 +85,7 @@ class Policy(ABC):
         initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
-        """Describe the robot and the control period of the policy if an environment has different ones.
+        """Describe the difference between a policy and an environment in robot or control period.
 
         Args:
             robot: Robot of the environment.
@@ -150,11 +150,12 @@ class Policy(ABC):
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Copy the per-robot state of another policy to some robots of this policy.
 
-        The training of residual policies uses this method for base policies. The state of a policy inside this policy,
-        for example inside `Safe`, is not copied.
+        The training of residual policies uses this method: when some robots start a new episode, it copies the state of
+        a freshly reset base policy to them. The state of a policy inside this policy, for example inside `Safe`, is not
+        copied.
 
         Args:
-            mask: True for robots of this policy that receive a state, (n,) bool.
+            mask: True for the robots of this policy that receive a state, (n,) bool.
             other: Policy that was made with the same arguments, with one robot for each True in `mask`.
         """
         copy_rows(self, validate_mask(mask, self.num_envs), other)
@@ -163,7 +164,7 @@ class Policy(ABC):
         """Compute the action for one control step from an observation.
 
         Args:
-            observation: Observation of n robots, (n, k), or of a single robot, (k,).
+            observation: Observation of n robots, (n, k), or of a single robot, (k,), with k numbers per robot.
 
         Returns:
             Action: joint targets within the joint limits, float32, rad; (n, 12), or (12,) for a single robot.
@@ -175,10 +176,10 @@ class Policy(ABC):
         return actions[0] if single else actions
 
     def _to_batch(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
-        """Check an observation, and convert it to a float32 array for a batch of robots, (n, k).
+        """Check an observation, and convert it to a float32 array with one row per robot, (n, k).
 
-        The second item of the result is True if the observation was given for a single robot, (k,). Raises ValueError
-        if the shape of the observation does not fit the policy.
+        An observation has k numbers per robot. The second item of the result is True if the observation was given for a
+        single robot, (k,). Raises ValueError if the shape of the observation does not fit the policy.
         """
         rows = np.asarray(observation, dtype=np.float32)
         single = rows.ndim == 1
@@ -196,15 +197,19 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observation `rows`, (n, k), with finite numbers in place of NaN and infinite values.
+        """Return the observation `rows` of n robots with finite numbers in place of NaN and infinite values.
 
-        This default implementation raises ValueError. A subclass that accepts missing sensor values overrides it.
+        This default implementation raises ValueError. A subclass that accepts missing sensor values overrides this
+        method. The argument and the result have the shape (n, k), with k numbers per robot.
         """
         raise ValueError("observation must be finite")
 
     @abstractmethod
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        """Compute the joint targets, (n, 12), rad, for one control step from a checked observation, (n, k)."""
+        """Compute the joint targets, (n, 12), rad, for one control step.
+
+        The `observation` of n robots, (n, k) with k numbers per robot, has already been checked.
+        """
 
     def _allocate(self, num_envs: int) -> None:
         """Allocate the state arrays (declared with `per_robot`) for `num_envs` robots, with initial values."""
@@ -251,7 +256,7 @@ class GaitedPolicy(Policy):
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
-        """Compute the weighted mean of home pose and joint targets, so that a gait starts smoothly.
+        """Compute the weighted mean of the home pose and joint targets, so that a gait starts smoothly.
 
         The weight of `targets`, (n, 12), rad, rises from 0 to 1 over the first `duration` seconds of an episode. The
         result has the shape (n, 12), rad.
@@ -260,7 +265,7 @@ class GaitedPolicy(Policy):
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
-        # The formula also holds for robots after the blend, because the home pose has the weight 0 then.
+        # The formula also holds for robots that have finished the blend, because their home pose has the weight 0.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 

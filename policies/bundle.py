@@ -63,7 +63,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
 
 
 def copy(folder: Path, to: Path) -> None:
-    """Copy a policy bundle to another folder: first the file with the weights, then the description.
+    """Copy a policy bundle to another folder: first `policy.safetensors`, then `policy.json`.
 
     Raises OSError if a file cannot be read or written.
 
@@ -96,7 +96,8 @@ def load(
             `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
         actuator: Actuator model of the joints; used by a model-based base policy.
-        servo: Servo gains of the given robot, as in `policies.make`. "own" for the gains of the training, on any robot.
+        servo: Servo gains that `robot` must have, as in `policies.make`. "own" accepts the servo gains of the training
+            for every robot.
 
     Returns:
         The trained policy.
@@ -117,7 +118,7 @@ def load(
 
 
 def find_bundle_folder(folder: Path) -> Path:
-    """Return the path of the policy bundle in a `folder`: the folder itself, or its subfolder BEST.
+    """Return the path of the policy bundle in a `folder`: the folder itself, or its subfolder `best`.
 
     The subfolder is used if the folder is a training run. Raises PolicyError if there is no policy bundle.
     """

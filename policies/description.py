@@ -56,7 +56,7 @@ _MAX_WEIGHT = 1e6
 class BundleFields(Settings):
     """Fields of the file `policy.json`, which describes a trained policy, as JSON values.
 
-    Fields with a default value may be missing, because older versions of the project did not write them.
+    Fields with a default value may be missing in the file, because older versions of the project did not write them.
     """
 
     schema_version: Literal[1]
@@ -98,7 +98,7 @@ def describe_policy(
         weights_sha256: SHA-256 of the file with the network weights.
 
     Returns:
-        Field name -> JSON value. The field `DIGEST` has the SHA-256 of the other fields.
+        Field name -> JSON value. The field `description_sha256` has the SHA-256 of all other fields.
     """
     description = {
         "schema_version": SCHEMA_VERSION,
@@ -124,7 +124,7 @@ def describe_policy(
 def description_digest(description: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a policy `description` (field name -> JSON value), in hexadecimal digits.
 
-    The field `DIGEST` does not contribute to the hash, because the hash is stored in it.
+    The field `description_sha256` is left out, because it stores the resulting SHA-256.
     """
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
@@ -133,8 +133,8 @@ def description_digest(description: Mapping[str, Any]) -> str:
 def check_unaltered(place: Path, content: bytes) -> None:
     """Check that the description of a policy was not changed after it was written.
 
-    The check computes the SHA-256 of the other fields, and raises PolicyError if it differs from the field `DIGEST`.
-    Descriptions of older versions have no field `DIGEST` and pass the check.
+    PolicyError is raised if the SHA-256 of all other fields differs from the field `description_sha256`. A description
+    that has no field `description_sha256` passes the check; older versions of the project did not write it.
 
     Args:
         place: Folder of the policy bundle, for the error message.
@@ -222,8 +222,9 @@ def assemble_policy(
 def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan | None) -> None:
     """Raise ValueError if a policy was trained in another environment or on another model of the robot.
 
-    The name of the environment, the joint names, and the layout and the scales of the observation must be the same. So
-    must be the SHA-256 of the robot model, if the `description` has it. `scan` is the height scan of the base policy.
+    The name of the environment, the joint names, and the layout and the scales of the observation must be the same. If
+    the `description` has the SHA-256 of the robot model, this must also be the same. `scan` is the height scan of the
+    base policy.
     """
     for name, expected in _environment_fields(robot, scan).items():
         if (actual := getattr(description, name)) != expected:
@@ -236,10 +237,11 @@ def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None)
     """Return the robot that a policy was trained on, with the servo gains of the training.
 
     The argument `robot` is used if its name or the SHA-256 of its model is the one in the `description`. Otherwise the
-    built-in robot with the name in the description is used. Descriptions from before version 0.3 have no servo gains;
-    the robot then has the gains `stiff_servo`.
+    built-in robot with the name in the description is used. A description that was written before version 0.3 has no
+    servo gains; the robot then gets the gains `Robot.stiff_servo`.
 
-    Raises PolicyError if there is no robot with that name, or if the servo gains do not fit the robot.
+    Raises PolicyError if there is no built-in robot with the name in the description, or if the servo gains are not
+    valid.
     """
     name = description.robot
     trained_on = description.model_sha256
@@ -255,7 +257,7 @@ def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None)
 
 
 def _robot_by_name(folder: Path, name: str) -> Robot:
-    """Return the built-in robot called `name`. Raises PolicyError if there is no robot with that name."""
+    """Return the built-in robot called `name`. Raises PolicyError if there is none."""
     if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:
@@ -267,7 +269,7 @@ def _robot_by_name(folder: Path, name: str) -> Robot:
 def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
     """Build the network of a policy bundle from its stored weights and biases.
 
-    PolicyError is raised if the arrays do not fit each other or the description.
+    PolicyError is raised if the shapes of the arrays do not fit each other or the description.
 
     Args:
         folder: Folder of the policy bundle, for the error message.
@@ -275,7 +277,7 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
         tensors: Tensor name, for example "0.weight" -> weights or biases of a layer.
 
     Returns:
-        Network with these weights and biases.
+        Network with the weights and biases in `tensors`.
     """
     count = len(tensors) // 2
     try:
@@ -285,7 +287,7 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
         fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
     if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
         fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
-    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # also false for NaN
+    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # False for NaN
         fail(folder, f"weights must be finite and lie within ±{_MAX_WEIGHT:g}")
     return network
 

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 """Type of float64 arrays."""
 
 TURN = 2.0 * np.pi
-"""Phase of one full gait cycle, 2π rad."""
+"""Increase of the phase of a gait clock in one gait cycle, 2π rad."""
 
 
 class LegCycle(NamedTuple):
@@ -63,7 +63,7 @@ def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
         duty: Duty factor: fraction of the gait cycle that a foot is on the ground.
 
     Returns:
-        Swing or stance phase of each leg, and the elapsed fraction of this phase, (...).
+        Swing or stance phase of each leg, and the elapsed fraction of this phase, in the shape of `phases`.
     """
     fraction = phases / TURN
     swing_share = 1.0 - duty
@@ -109,7 +109,8 @@ def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Fl
 def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
     """Map a velocity command to the gait input with which the robot moves at the commanded velocity.
 
-    The linear map compensates systematic velocity errors of an open-loop gait.
+    An open-loop gait does not exactly move at its velocity input. The linear map compensates the systematic part of
+    this error.
 
     Args:
         gains: Parameters of the gait, with the fields of `policies.parameters.CommandMap`.

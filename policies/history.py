@@ -1,6 +1,6 @@
 """History of observations as inputs of a policy network.
 
-It consists of single past observations and of exponential moving averages of the observation.
+The history consists of single past observations and of exponential moving averages of the observation.
 """
 
 import math
@@ -15,7 +15,7 @@ from policies.memory import PerRobotState, per_robot
 from quad_env.config import Bounds, Settings
 
 Frames = NDArray[np.float32]
-"""Type of scaled observations, (n, k)."""
+"""Type of the scaled observations of n robots, (n, k), with k numbers per robot."""
 Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.0)]
 """Type of the age of an observation or the time constant of an average, s."""
 
@@ -31,11 +31,11 @@ class Inputs(Settings):
     clock: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 0.0
     """Frequency of a clock with its sine and cosine as network inputs, Hz; 0: no clock."""
     clock_at_rest: Literal["shown", "hidden"] = "shown"
-    """hidden: the inputs of the clock are zero while the velocity command is zero, so that the robot can stand."""
+    """hidden: the two clock inputs are 0 while the velocity command is zero, so that the robot can stand."""
 
     @property
     def frames(self) -> int:
-        """Number of past observations, plus number of averaged observations, that are network inputs."""
+        """Number of past observations plus number of averages that are network inputs."""
         return len(self.lags) + len(self.averages)
 
 
@@ -47,16 +47,16 @@ class History(PerRobotState):
 
     Args:
         inputs: Ages of the past frames, and time constants of the averages.
-        width: Number of elements of a frame.
+        width: Number of elements of the scaled observation of one robot.
         control_period: Time between two calls of `update`, s.
     """
 
     _past: Frames = per_robot(axis=1)
-    """Ring buffer of the last frames, (length, n, k)."""
+    """Ring buffer of the last scaled observations of n robots, (buffer length, n, k); k numbers per robot."""
     _averages: Frames = per_robot(axis=1)
-    """Exponential moving averages of the frames, (number of averages, n, k)."""
+    """Exponential moving averages of the scaled observations, (number of averages, n, k), with k numbers per robot."""
     _new: NDArray[np.bool_] = per_robot(True)
-    """True for robots that have no frame since their reset, (n,)."""
+    """True for robots that got no observation since their reset, (n,)."""
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
@@ -68,13 +68,14 @@ class History(PerRobotState):
         super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Reset the robots for which `mask`, (n,) bool, is True: their next frame replaces the whole history."""
+        """Reset the robots for which `mask`, (n,) bool, is True; their next observation fills the history."""
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
         """Copy the past frames and averages of another history to some robots of this history.
 
-        The frames are shifted along the ring buffer, because its index of the newest frame differs between histories.
+        The frames are shifted along the ring buffer, because the index of the newest frame differs between the two
+        histories.
 
         Args:
             mask: True for robots of this history that receive frames and averages, (n,) bool.
@@ -86,8 +87,9 @@ class History(PerRobotState):
     def update(self, frame: Frames) -> Frames:
         """Add the newest frame of all robots, and return the past frames and averages that are network inputs.
 
-        `frame`, (n, k), is the scaled observation of this control step. The columns of the result, (n, `width`), are
-        first the past frames in the order of `Inputs.lags`, then the averages in the order of `Inputs.averages`.
+        `frame`, (n, k), is the scaled observation of this control step, with k numbers per robot. The columns of the
+        result, (n, `width`), are first the past frames in the order of `Inputs.lags`, then the averages in the order of
+        `Inputs.averages`.
         """
         if self._new.any():
             self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]

@@ -1,8 +1,9 @@
 """Per-robot state of controllers, and gains of low-pass filters.
 
-The state consists of arrays with one axis that runs over the robots. It is allocated for n robots, reset for single
-robots, and copied between objects. A class declares each array with `per_robot`. In an object, the array is an ordinary
-attribute. `initialize_state` allocates the arrays for one robot in the constructor; `allocate` does so for n robots.
+The state consists of arrays with one axis that runs over the robots. This module allocates these arrays for n robots,
+resets them for single robots, and copies them between objects. A class declares each array with `per_robot`. In an
+object, the array is an ordinary attribute. `initialize_state` allocates the arrays for one robot in the constructor;
+`allocate` allocates them for n robots.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,7 +23,9 @@ class PerRobotArray:
     """Declaration of a state array with an axis over the robots, made by `per_robot`."""
 
     initial: Any
-    """Initial value for one robot, or a function that returns it for the object with the array as argument."""
+    """Initial value for one robot, or a function.
+
+    The function gets the object that the array belongs to, and returns the initial value for one robot."""
     axis: int
     """Index of the array axis that runs over the robots."""
 
@@ -46,8 +49,9 @@ class PerRobotState:
     """Base class of objects with a separate state for each robot of a batch.
 
     A subclass declares its state arrays with `per_robot`. It calls this constructor at the end of its own constructor.
-    If an attribute of the object is itself a `PerRobotState`, it is allocated, reset and copied together with the
-    object. So is every `PerRobotState` in a dictionary that is an attribute.
+    If an attribute of the object is itself a `PerRobotState`, this attribute is allocated, reset and copied together
+    with the object. Attributes of type dict may also have values of type `PerRobotState`; these are treated in the same
+    way.
 
     Args:
         **initial_values: Name of the array -> its initial value for one robot, for arrays that are declared without an
@@ -78,8 +82,9 @@ class PerRobotState:
 def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
     """Allocate the state arrays of an object for one robot.
 
-    The constructor of the object calls this function at its end. An array is skipped if its initial value is a function
-    or is not known yet. A later call of `initialize_state` or of `allocate` allocates this array.
+    The constructor of the object calls this function at its end. An array is skipped if its initial value is a
+    function, or if no initial value was passed yet. A later call of `initialize_state` or of `allocate` allocates this
+    array.
 
     Args:
         owner: Object of a class that declares arrays with `per_robot`.
@@ -120,9 +125,9 @@ def allocate(owner: Any, num_envs: int) -> None:
 
 
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
-    """Set the state of some robots to the initial values, also in nested state objects.
+    """Set the state of some robots to the initial values, including nested state objects.
 
-    Each array is replaced by a new array. An old array that a caller still uses does not change.
+    Each array is replaced by a new array, so that an old array that a caller still uses does not change.
 
     Args:
         owner: Object with the state.
@@ -135,7 +140,7 @@ def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
 
 
 def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
-    """Copy the state of another object of the same class to some robots, also in nested state objects.
+    """Copy the state of another object of the same class to some robots, including nested state objects.
 
     Args:
         owner: Object that receives the state.
@@ -169,9 +174,9 @@ def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
 
 
 def nested_states(owner: Any) -> Iterator[PerRobotState]:
-    """Yield the nested state objects of `owner`.
+    """Yield the nested state objects of `owner`: its attributes that are a `PerRobotState` themselves.
 
-    They are its attributes of type `PerRobotState`, and the values of this type in its attributes of type dict.
+    The values of type `PerRobotState` in attributes of type dict are nested state objects, too.
     """
     for attribute in vars(owner).values():
         for value in attribute.values() if isinstance(attribute, dict) else (attribute,):
@@ -182,8 +187,8 @@ def nested_states(owner: Any) -> Iterator[PerRobotState]:
 def _initial_value(owner: Any, name: str, array: PerRobotArray) -> NDArray[Any]:
     """Return the initial value of the state array `name` of `owner` for one robot.
 
-    `array` is the declaration of the array. The result has an additional axis of length one, which runs over the
-    robots.
+    `array` is the declaration of the array. The result has an additional axis of length one, the axis that later runs
+    over the robots.
     """
     values: dict[str, Any] = vars(owner).get("_initial_values", {})
     value = values.get(name, array.initial)

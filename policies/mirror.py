@@ -1,4 +1,4 @@
-"""Mirror image of a robot about its sagittal plane: joints, network inputs, and a network that commutes with it.
+"""Mirror images about the sagittal plane of a robot: of joints, of network inputs, and of networks.
 
 A mirror image swaps left and right legs. It changes the sign of abduction angles, of lateral components of vectors, and
 of roll and yaw components of angular velocities. The gait clock of a trot moves by half a cycle.
@@ -17,38 +17,43 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 VECTOR_SIGNS = (1.0, -1.0, 1.0)
-"""Signs of a mirrored vector: forward, lateral, up."""
+"""Factors that mirror a vector about the sagittal plane, for its components (forward, lateral, up)."""
 ROTATION_SIGNS = (-1.0, 1.0, -1.0)
-"""Signs of a mirrored angular velocity: roll, pitch, yaw."""
+"""Factors that mirror an angular velocity about the sagittal plane, for its components (roll, pitch, yaw)."""
 COMMAND_SIGNS = (1.0, -1.0, -1.0)
-"""Signs of a mirrored command: forward velocity, lateral velocity, yaw rate."""
+"""Factors that mirror a velocity command about the sagittal plane: (forward velocity, lateral velocity, yaw rate)."""
 JOINT_SIGNS = (-1.0, 1.0, 1.0)
-"""Signs of the mirrored joints of a leg: abduction, thigh, calf."""
+"""Factors that mirror the joint angles of a leg about the sagittal plane: (abduction, thigh, calf)."""
 CLOCK_SIGNS = (-1.0, -1.0)
-"""Signs of the mirrored sine and cosine of a trot's clock, which is half a cycle later."""
+"""Factors that mirror the sine and the cosine of the gait clock of a trot.
+
+Both change their sign, because the clock of the mirror image is half a cycle later."""
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """Signed permutation: entry i of the mirror image is `signs[i]` times entry `order[i]`."""
+    """Mirror image of k numbers, for example joint angles, as a permutation with signs.
+
+    Number i of the mirror image is `signs[i]` times number `order[i]` of the original.
+    """
 
     order: NDArray[np.intp]
-    """Index of the source of each entry, (k,)."""
+    """For each of the k numbers of the mirror image: index of its number in the original, (k,)."""
     signs: NDArray[np.float32]
-    """Sign of each entry, 1 or -1, (k,)."""
+    """For each of the k numbers of the mirror image: its factor, 1 or -1, (k,)."""
 
     def __call__(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mirror image of `values`, (n, k)."""
+        """Return the mirror image of `values`, (n, k): one row of k numbers for each robot."""
         return values[..., self.order] * self.signs
 
 
 def signs_mirror(signs: Sequence[float]) -> Mirror:
-    """Return the mirror that only multiplies the entries by `signs`."""
+    """Return the mirror that multiplies each number by its factor in `signs` and keeps the order."""
     return Mirror(np.arange(len(signs)), np.array(signs, np.float32))
 
 
 def joint_mirror(robot: Robot) -> Mirror:
-    """Return the mirror of the joints of a `robot`, in the order of its joint names."""
+    """Return the mirror of the 12 joint angles of a `robot`: it swaps left and right legs."""
     front_left, front_right, hind_left, hind_right = robot.in_leg_order((0, 1, 2, 3))
     partner = {front_left: front_right, front_right: front_left, hind_left: hind_right, hind_right: hind_left}
     joints = np.arange(robot.num_joints).reshape(-1, JOINTS_PER_LEG)
@@ -57,17 +62,17 @@ def joint_mirror(robot: Robot) -> Mirror:
 
 
 def feature_mirror(base: Policy, inputs: Inputs) -> Mirror:
-    """Return the mirror of the network inputs `policies.residual.Features`.
+    """Return the mirror of the inputs of a residual policy's network, see `policies.residual.Features`.
 
     Args:
         base: Base policy that holds a pose; its mirror image is itself.
-        inputs: History and clock of the inputs.
+        inputs: Past observations, averages and clock that are additional network inputs.
 
     Returns:
         The mirror.
 
     Raises:
-        ValueError: The base has a gait or a height scan.
+        ValueError: The base policy has a gait clock or a height scan.
     """
     if isinstance(base, GaitedPolicy) or base.height_scan is not None:
         raise ValueError(f"mirror symmetry needs a base that holds a pose, without a height scan, not {base.name}")
@@ -79,7 +84,7 @@ def feature_mirror(base: Policy, inputs: Inputs) -> Mirror:
 
 
 def concatenate_mirrors(mirrors: Sequence[Mirror]) -> Mirror:
-    """Return the mirror of the concatenated entries of several `mirrors`."""
+    """Return the mirror of several concatenated vectors; `mirrors` has the mirror of each vector."""
     starts = np.cumsum([0, *(len(mirror.order) for mirror in mirrors)])[:-1]
     order = [mirror.order + start for mirror, start in zip(mirrors, starts, strict=True)]
     return Mirror(np.concatenate(order), np.concatenate([mirror.signs for mirror in mirrors]))
@@ -88,7 +93,8 @@ def concatenate_mirrors(mirrors: Sequence[Mirror]) -> Mirror:
 def symmetric_network(network: Network, inputs: Mirror, outputs: Mirror) -> Network:
     """Return the mean of a network and its mirror image, as one network with layers of twice the width.
 
-    The second half of each hidden layer is the network on the mirrored inputs: y = (f(x) + M f(M x)) / 2.
+    In each hidden layer, the second half of the units computes f for the mirrored inputs. For an input x, the output is
+    (f(x) + M f(M x)) / 2.
 
     Args:
         network: Network f.
@@ -96,7 +102,7 @@ def symmetric_network(network: Network, inputs: Mirror, outputs: Mirror) -> Netw
         outputs: Mirror M of the outputs.
 
     Returns:
-        A network that commutes with the mirror: f(M x) = M f(x).
+        Symmetric network g: its output for the mirrored input is the mirrored output, g(M x) = M g(x).
     """
     first, *hidden = network.weights[:-1]
     mirrored_first = np.empty_like(first)
@@ -110,7 +116,10 @@ def symmetric_network(network: Network, inputs: Mirror, outputs: Mirror) -> Netw
 
 
 def half_network(network: Network) -> Network:
-    """Return the network f of a `network` that `symmetric_network` made, with the same symmetric mean."""
+    """Return a network of half the width from which `symmetric_network` would make `network` again.
+
+    The argument `network` must be a result of `symmetric_network`.
+    """
     widths = [bias.shape[0] // 2 for bias in network.biases[:-1]]
     inputs = [network.sizes[0], *widths]
     outputs = [*widths, network.sizes[-1]]
@@ -124,7 +133,7 @@ def half_network(network: Network) -> Network:
 
 
 def _block_diagonal(weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the matrix with `weight` twice on its diagonal and zeros elsewhere."""
+    """Return the block-diagonal matrix with the matrix `weight` as its first and second block."""
     rows, columns = weight.shape
     double = np.zeros((2 * rows, 2 * columns), np.float32)
     double[:rows, :columns] = weight

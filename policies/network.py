@@ -3,9 +3,9 @@
 A rounded sum depends on the order of its terms, and BLAS libraries use different orders. Therefore all sums of a layer
 are computed exactly, as follows. The inputs of a layer are rounded to multiples of a step, 2^-20, and clipped to ±2^6.
 The weights in a column are rounded to multiples of another step. This step is 2^-27 times a power of two above the sum
-of the absolute weights in the column. All products and partial sums are then multiples of the product of both steps, at
-most 2^53 times as large. A float64 represents these multiples exactly. The outputs differ from the outputs of a float32
-network by about 1e-6.
+of the absolute weights in the column. All products and partial sums are then multiples of the product of both steps.
+They are at most 2^53 times as large as this product. A float64 represents these multiples exactly. The outputs differ
+from the outputs of a float32 network by about 1e-6.
 
 The last bits of exp in a library also depend on the processor. The activation function therefore uses only additions,
 multiplications and divisions, which IEEE 754 rounds in the same way everywhere. It is piecewise linear. A piece
@@ -25,7 +25,7 @@ Doubles = NDArray[np.float64]
 LIMIT = 64.0
 """Limit of the absolute value of the inputs of a layer; beyond it, the activation function is constant.
 
-The sums in the layers of this project's networks are about ten times smaller."""
+In the networks of this project, the sums that enter the activation function are about ten times smaller."""
 _PIECE_BITS = 9
 """Number of fraction bits of a float32 that select a piece of the piecewise linear activation function."""
 # `_SHIFT` is an array, because NumPy computes faster with an array than with a Python number.
@@ -79,7 +79,7 @@ def activation_chords() -> tuple[Doubles, Doubles]:
 def piece_index(x: Doubles) -> NDArray[np.intp]:
     """Return the index of the piece of the activation function that contains each element of `x`.
 
-    The index is negative for a negative element.
+    The index is negative for a negative element. `activation_chords` has the slope and the intercept of each piece.
     """
     return (x.astype(np.float32).view(np.int32) >> _SHIFT).astype(np.intp)
 
@@ -89,8 +89,8 @@ Weights = NDArray[np.float32]
 _INPUT_BITS = 26
 """Number of bits of a rounded input of a layer: its step is `LIMIT` · 2^-26.
 
-The sum of `_INPUT_BITS` and `_WEIGHT_BITS` is 53, the number of significant bits of a float64, so that products are
-exact."""
+The sum of `_INPUT_BITS` and `_WEIGHT_BITS` is 53, the number of significant bits of a float64. A float64 therefore
+represents each product of a rounded input and a rounded weight exactly."""
 _WEIGHT_BITS = 27
 """Number of bits of the sum of the absolute values in a column of a rounded weight matrix.
 
@@ -168,8 +168,8 @@ class Network:
     def _layers(self) -> list[tuple[Doubles, Doubles]]:
         """Rounded weights, (inputs, outputs), and biases, (1, outputs), of each layer.
 
-        `_on_grid` rounds the weights, so that sums of products are exact. Adding 0.0 turns biases of -0.0 into 0.0,
-        because a sum of 0 could otherwise have either sign.
+        `_on_grid` rounds the weights, so that a float64 represents all sums in a matrix product exactly. Adding 0.0
+        turns biases of -0.0 into 0.0, because the sign of a sum of 0 could otherwise depend on the order of its terms.
         """
         biases = (bias[None].astype(np.float64) + 0.0 for bias in self.biases)
         return list(zip(map(_on_grid, self.weights), biases, strict=True))
@@ -178,7 +178,8 @@ class Network:
     def _chords(self) -> tuple[Doubles, Doubles]:
         """Slopes and intercepts of the piecewise linear activation function, see `activation_chords`.
 
-        `_TO_GRID` is added to the intercepts, because this rounds the result to the step of the inputs of a layer.
+        The intercepts include `_TO_GRID`. When it is subtracted again, the result is rounded to a multiple of the step
+        of the inputs.
         """
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
@@ -204,7 +205,8 @@ def fold_normalization(network: Network, mean: Weights, std: Weights) -> Network
 def _sums(values: Doubles, weight: Doubles) -> Doubles:
     """Compute the matrix product of `values`, (n, inputs), and `weight`, (inputs, outputs), in parts.
 
-    A part has at most `_PRODUCTS` multiplications. The order of the parts does not matter, because all sums are exact.
+    A part has at most `_PRODUCTS` multiplications. The order of the parts does not change the result: the inputs and
+    weights are rounded so that a float64 represents every partial sum exactly.
     """
     parts = math.ceil(_BLOCK * weight.size / _PRODUCTS)
     inputs = math.ceil(len(weight) / parts)
@@ -219,9 +221,10 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 
 
 def _on_grid(weights: Weights) -> Doubles:
-    """Round the `weights` in each column to multiples of a step, so that all sums of products are exact.
+    """Round the `weights` in each column to multiples of a step, so that matrix products are exact.
 
     The step of a column is a power of two. The sum of the absolute values in the column is at most 2^27 times the step.
+    A float64 then represents all sums of products of inputs and weights exactly.
     """
     exact = np.ascontiguousarray(weights, dtype=np.float64)
     # The sum is increased by a thousandth, because rounding can increase the absolute values of the weights.

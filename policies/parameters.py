@@ -18,9 +18,9 @@ Range = tuple[float, float]
 STRIDE_FREQUENCY_EXPONENT = -0.14
 """Exponent of the body mass in the stride frequency at which animals change from trot to gallop.
 
-The frequency is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to
-animal size, 1974), and therefore 3.1 Hz for 14 kg. `scaled_ranges` scales the search range of the gait frequency with
-this law, and not with the leg length. A robot with legs that are short for its mass, such as go1, need not step
+The stride frequency is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and
+gait to animal size, 1974), and therefore 3.1 Hz for 14 kg. `scaled_ranges` uses this exponent, not the leg length, to
+scale the search range of the gait frequency. A robot with legs that are short for its mass, such as go1, need not step
 faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
@@ -34,8 +34,8 @@ def parameter(default: N, *, limits: Range, search: Range | None = None, unit: s
         default: Default value of the field.
         limits: Smallest and largest value that is accepted.
         search: Lower and upper bound in a parameter search; None if no search changes the field.
-        unit: Unit of the number, one of the units in `quad_env.robots.similarity`. It determines how the number is
-            scaled to a robot of another size. Empty for a dimensionless number.
+        unit: Unit of the number, one of the units in `quad_env.robots.similarity`. The unit determines how the number
+            is scaled to a robot of another size. Empty for a dimensionless number.
 
     Returns:
         Dataclass field with the keys `limits`, `search` and `unit` in its metadata.
@@ -67,7 +67,7 @@ class Parameters:
 
     def __post_init__(self) -> None:
         for name, (low, high) in limits_of(self).items():
-            if not low <= (value := getattr(self, name)) <= high:  # also raises for NaN
+            if not low <= (value := getattr(self, name)) <= high:  # the comparison is also false for NaN
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
@@ -198,7 +198,7 @@ def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") ->
 
 @dataclass(frozen=True)
 class ParameterFile(Generic[P]):
-    """JSON file with the parameters of a policy, with a separate file for each searched robot."""
+    """JSON file with the parameters of a policy for SimpleQuad; other robots can have a file of their own."""
 
     path: Path
     """Path of the file with the parameters for SimpleQuad.
@@ -212,7 +212,7 @@ class ParameterFile(Generic[P]):
     Empty if no command writes the file."""
 
     def read(self, path: Path) -> P:
-        """Read the parameters from the file `path`, which need not be the file of this object.
+        """Read the parameters from the file `path`, for example the file of another robot.
 
         Raises PolicyError if the file is missing, damaged or incomplete.
         """
@@ -221,9 +221,10 @@ class ParameterFile(Generic[P]):
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
         """Load the parameters of the policy for a `robot`. Raises PolicyError if the file is damaged.
 
-        The file has the name of `path` and is in the models folder of the robot, see `models_folder`. For a robot with
-        fixed servo gains (`Robot.servo_fixed`), a file in the subfolder `soft_servos` has priority. If the robot has no
-        file, the parameters of SimpleQuad are scaled to the robot by dynamic similarity.
+        The file has the same name as the file for SimpleQuad, and is in the models folder of the robot, see
+        `models_folder`. For a robot with fixed servo gains (`Robot.servo_fixed`), a file in the subfolder `soft_servos`
+        has priority. If the robot has no file, the parameters of SimpleQuad are scaled to the robot by dynamic
+        similarity.
         """
         file = models_folder(robot) / self.path.name
         soft_servo_file = file.parent / "soft_servos" / file.name

@@ -1,4 +1,4 @@
-"""Several policies combined into one policy; each of them controls some robots of a batch."""
+"""Several policies combined into one policy; each policy controls some robots of a batch."""
 
 from collections.abc import Sequence
 
@@ -28,8 +28,8 @@ class PolicyStack(Policy):
     Args:
         members: Policies with the same joints, control period and height scan.
         blocks: Number of blocks of rows, which have equal size.
-        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of a
-            network with a numeric overflow then fall.
+        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of a network with
+            a numeric overflow then fall, and the simulation goes on.
         idle_when_fallen: True: do not call a member if all its robots have fallen. The joint targets of these robots
             are then the home pose.
         robot: Robot of the combined policy; the robot of the first member by default. Pass a robot if the members use
@@ -72,8 +72,8 @@ class PolicyStack(Policy):
     def _member_action(self, member: Policy, observation: NDArray[np.float32]) -> Actions | Floats:
         """Return the joint targets of a member for its k robots, (k, 12), rad.
 
-        `observation`, (k, m), is the observation of these robots. If all of them have fallen and `idle_when_fallen` is
-        True, the result is the home pose, (12,), rad.
+        `observation`, (k, m), is the observation of these robots, with m numbers per robot. If all k robots have fallen
+        and the option `idle_when_fallen` is True, the result is the home pose, (12,), rad.
         """
         if self._idle_when_fallen and (observation[:, self._gravity_z] > FALLEN_GRAVITY).all():
             return self.robot.home_pose

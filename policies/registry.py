@@ -29,7 +29,9 @@ from quad_env.sensing.suite import SensorSuite, sensor_suite
 TRAINED = tuple(
     sorted({"residual", "student", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))})
 )
-"""Names of the trained policies in the folder `models`. It has `residual` even if the policy bundle is missing."""
+"""Names of the trained policies in the folder `models`.
+
+The names `residual` and `student` are included even if their policy bundles are missing."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
 
@@ -74,11 +76,12 @@ MAKERS: dict[str, Callable[..., Policy]] = {
 }
 """Name of each built-in policy -> function that makes the policy.
 
-The function accepts the keyword arguments `robot` and `control_period`, s."""
+The function accepts the keyword arguments `robot` and `control_period` (time between two control steps, s)."""
 _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
 """Names of the built-in policies that may use a dynamics model of the robot.
 
-Their functions in `MAKERS` also accept the keyword arguments `joint_delay_steps` (control steps) and `actuator`."""
+The functions in `MAKERS` for these policies also accept the keyword arguments `joint_delay_steps` (delay of the
+observed joint angles, control steps) and `actuator`."""
 
 
 def names() -> tuple[str, ...]:
@@ -91,7 +94,7 @@ def names() -> tuple[str, ...]:
 
 
 def is_missing(name: str, robot: Robot) -> bool:
-    """Return True if `name` is a trained policy that has no bundle for `robot`."""
+    """Return True if `name` is a trained policy that has no policy bundle for `robot`."""
     return name in TRAINED and not (shipped.models_folder(robot) / name).is_dir()
 
 
@@ -195,7 +198,7 @@ def _resolve(
     trust: bool,
     **options: Any,
 ) -> Policy:
-    """Make a policy as `resolve` does, with the servo gains that the policy chooses."""
+    """Make a policy as `resolve` does, but do not check the servo gains that the policy has chosen."""
     if reference.startswith(SAFE):
         policy = _resolve(
             reference.removeprefix(SAFE),

@@ -12,9 +12,9 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 NO_HISTORY = Inputs()
-"""Network inputs that include neither past observations nor a clock.
+"""Option `inputs` of a network that gets neither past observations nor a clock.
 
-The network then gets only the current observation and the inputs from the base policy."""
+The network inputs are then only the current observation, and the phase and action of the base policy."""
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
@@ -40,11 +40,11 @@ class Features(PerRobotState):
 
     - the scaled observation. A height scan in it is relative to the scan of level ground in the home pose. Points that
       the sensor does not see are 0, so that a lost scan looks like level ground;
-    - sine and cosine of the gait phase of the base policy, and its action minus the home pose, if it has a gait clock;
-    - sine and cosine of an additional clock, if `inputs` defines one;
-    - past observations and averages of observations, if `inputs` defines any.
+    - if the base policy has a gait clock: sine and cosine of its gait phase, and its action minus the home pose;
+    - if `inputs` defines an additional clock: sine and cosine of the phase of this clock;
+    - if `inputs` defines a history: past observations and averages of observations.
 
-    The caller must reset the base policy.
+    A reset of this object does not reset the base policy; the caller must reset it.
 
     Args:
         base: Base policy that the network corrects.
@@ -54,7 +54,7 @@ class Features(PerRobotState):
     ticks: Floats = per_robot(0.0)
     """Number of control steps of each robot since its reset, (n,)."""
     clock_offset: Floats = per_robot(0.0)
-    """Phase of the clock of each robot at its reset, (n,), rad; zero except in training, which can draw it."""
+    """Phase of the clock of each robot at its reset, (n,), rad; the training can draw it, otherwise it is zero."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base = base
@@ -73,7 +73,7 @@ class Features(PerRobotState):
         """Compute the features of all robots for one control step. Call the method once per control step.
 
         Args:
-            observation: Observation of all robots, (n, k).
+            observation: Observation of all robots, (n, k), with k numbers per robot.
             base_action: Action of the base policy for this observation: joint targets, (n, 12), rad.
 
         Returns:
@@ -97,7 +97,7 @@ class Features(PerRobotState):
 
     @property
     def clock_phase(self) -> Floats:
-        """Phase of the clock at the latest observation, (n,), rad."""
+        """Phase of the additional clock that `inputs` defines, at the latest observation, (n,), rad."""
         return 2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks + self.clock_offset
 
 
@@ -110,7 +110,8 @@ def apply_correction(
         robot: Robot with the joint limits.
         base_action: Action of the base policy: joint targets, (n, 12), rad.
         correction: Correction as a fraction of the authority, (n, 12).
-        authority: Largest correction of each joint target, (12,), rad; without bounds the scale of the correction.
+        authority: Largest correction of each joint target, (12,), rad. If `bounded` is False, it only scales the
+            correction.
         bounded: True to clip the correction to [-1, 1].
 
     Returns:
@@ -145,8 +146,8 @@ class ResidualPolicy(Policy):
         authority: Largest correction of each joint target, (12,), rad. None for the result of `authority_of`.
         name: Name of the policy.
         inputs: Past observations, averages and clock that are additional features.
-        hold: Number of control steps for which each correction is used; then the network computes a new correction. The
-            base policy acts in every control step.
+        hold: Number of control steps for which each correction is used, before the network computes a new correction.
+            The base policy acts in every control step.
         bounded: True to clip the output of the network to [-1, 1], so that `authority` is a limit. False: the output is
             not clipped, and `authority` is its scale.
 

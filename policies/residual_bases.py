@@ -1,6 +1,6 @@
 """Base policies of residual policies, and their storage as JSON.
 
-The name of a base policy, its parameters and, if it uses one, its height scan define the base policy completely.
+Three items define a base policy completely: its name, its parameters and, if it uses a height scan, the scan.
 """
 
 import hashlib
@@ -36,8 +36,8 @@ class BaseSpec(NamedTuple):
     make: Callable[..., Policy]
     """Function that makes the policy from the keyword arguments `robot`, `control_period` (s) and `parameters`.
 
-    The function has the argument `parameters` only if the policy has parameters. The default of this argument is the
-    parameters that ship with the project."""
+    The function has the argument `parameters` only if the policy has parameters. If this argument is omitted, the
+    policy gets the parameters that ship with the project."""
     parameters: type[Parameters] | None = None
     """Class of the parameters of the base policy; None if the policy has no parameters."""
 
@@ -149,7 +149,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
     Args:
         base: Specification of the base policy, see `BASES`.
         height_scan: Height scan that the environment observes. Only mpc_wbc_sighted uses it; the other policies accept
-            an observation with it and ignore it.
+            an observation with a height scan and ignore the scan. None if the environment observes no height scan.
         **arguments: Keyword arguments of the function `base.make`, for example `robot` and `control_period`.
 
     Returns:

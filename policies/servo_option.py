@@ -1,4 +1,4 @@
-"""Option `servo` of the functions that make policies: servo gains by name, and refusal of a policy with other ones."""
+"""Option `servo` of the functions that make policies: it selects servo gains, and rejects other gains."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ def with_servo_option(robot: Robot, servo: Any) -> Robot:
 
     Args:
         robot: Robot for which a policy is made.
-        servo: None for the gains of the robot, "stiff" for its stiff ones, or a pair of stiffness, N·m/rad, and
-            damping, N·m·s/rad, as in `gym.make`. "own" leaves the choice to the policy.
+        servo: None for the gains of the robot, "stiff" for its gains `Robot.stiff_servo`, or a pair of stiffness,
+            N·m/rad, and damping, N·m·s/rad, as in `gym.make`. "own" leaves the choice to the policy.
 
     Returns:
-        The robot with these gains; the robot itself for None and "own".
+        The robot with the selected gains; the unchanged robot if `servo` is None or "own".
 
     Raises:
         PolicyError: The option is not valid.
@@ -36,11 +36,11 @@ def check_servo(policy: Policy, robot: Robot, servo: Any) -> None:
 
     Args:
         policy: Policy that was made for the robot.
-        robot: Robot with the gains that an environment made by the same words has.
+        robot: Robot with the servo gains of an environment that is made with the same options `robot` and `servo`.
         servo: Option `servo`, as in `with_servo_option`.
 
     Raises:
-        PolicyError: The policy commands other gains. The message names the remedy.
+        PolicyError: The policy commands other servo gains than the robot has. The message names the remedy.
     """
     if isinstance(servo, str) and servo == OWN:
         return

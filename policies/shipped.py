@@ -15,7 +15,7 @@ the trained policies and the searched parameters of this robot."""
 def models_folder(robot: Robot) -> Path:
     """Return the path of the folder with the trained policies and searched parameters of a `robot`.
 
-    For a robot that a user has defined, the folder has the name of the robot, and is next to the file of the robot.
+    A robot that a user has defined has its own file. The folder is next to this file, and has the name of the robot.
     """
     if robot == SIMPLE_QUAD:
         return MODELS
