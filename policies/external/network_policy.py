@@ -35,7 +35,9 @@ class NetworkPolicy(Policy):
     """
 
     _ticks: NDArray[np.int64] = per_robot(0)
+    """Number of the environment's control steps since each robot's reset, (n,)."""
     _targets: Floats = per_robot()
+    """Joint targets of the policy's last control step, in the robot's joint order, (n, 12), rad."""
 
     def __init__(self, spec: PolicySpec, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)

@@ -33,7 +33,9 @@ from quad_env.columns import EnvIndices
 from quad_env.files.text import format_exception
 
 Weights = NDArray[np.float32]
+"""Array of 32-bit floats, for example the observation of a policy."""
 NetworkKind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
+"""Kind of a network file; `zip` is a zip archive that contains no network."""
 MAX_REASON = 300
 """Maximum number of characters that an error quotes from the message of PyTorch or ONNX runtime."""
 TORCHSCRIPT_SUFFIXES = ".pt", ".jit"
@@ -103,7 +105,7 @@ def check_is_network(file: Path) -> None:
 
 
 def _learner_of(file: Path) -> str:
-    """Return the text ` of NAME` with the learning library that wrote a checkpoint, for an error.
+    """Return the text ` of NAME` for an error; NAME is the learning library that wrote a checkpoint.
 
     The text is empty if the library is unknown. The file is searched for the keys of `_LEARNERS` and is not unpickled,
     because unpickling can run hidden code.

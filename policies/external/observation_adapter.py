@@ -68,10 +68,17 @@ class ObservationAdapter(PerRobotState):
     `NetworkPolicy` sets it after each call of the network.
     """
     _yaw: Floats = per_robot(0.0)
+    """Estimated yaw of each robot's trunk in the world frame, 0 at the reset, (n,), rad."""
     _has_started: Mask = per_robot(False)
+    """True for robots that have had an observation since their reset, (n,)."""
     _steps: NDArray[np.int64] = per_robot(0)
+    """Number of the policy's control steps since each robot's reset, (n,)."""
     _history: Floats = per_robot()
+    """Values of all observation terms in the policy's last h control steps, oldest first, (n, h, values per step).
+
+    h is the number of control steps of the term with the longest history."""
     _foot_contact: Mask = per_robot(np.zeros(4, np.bool_))
+    """Estimated foot contact: True for feet on the ground, legs in the robot's order, (n, 4)."""
 
     def __init__(self, spec: PolicySpec, robot: Robot, control_period: float) -> None:
         self._spec = spec
@@ -192,7 +199,10 @@ class ObservationAdapter(PerRobotState):
 
 
 def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floats:
-    """Rotate vectors, (m, 3), from the base frame to `frame`: `body` (unchanged), `heading` or `world`."""
+    """Rotate vectors, (m, 3), from the base frame to `frame`.
+
+    `frame` is `body` (the base frame itself), `heading` (yaw only) or `world`.
+    """
     if frame == "body":
         return vectors
     x, y, z = level_frame(signals.readings["projected_gravity"].T).to_level(vectors.T)

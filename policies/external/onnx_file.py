@@ -36,9 +36,10 @@ CORRECTION = "correction"
 PROBE_COUNT = 16
 """Number of random network inputs for which ONNX runtime and NumPy are compared when a file is loaded."""
 TOLERANCE = 1e-5
-"""Maximum difference between the network outputs of ONNX runtime and NumPy.
+"""Maximum difference between the outputs of ONNX runtime and NumPy for the network of a residual policy.
 
-It is a fraction of the authority, which is the limit of the correction by a residual policy, or of a larger output.
+The outputs are corrections of the joint targets, as fractions of the authority (the limit of the correction). If the
+largest output is above 1, the difference is divided by the largest output.
 """
 _OPSET = 17
 """Version of the ONNX operator set in exported files; all supported ONNX runtimes can read it."""
@@ -86,10 +87,11 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 
 
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
-    """Return the largest difference between the outputs of `act` and `network`, relative to outputs above 1.
+    """Return the largest difference between the outputs of `act` and `network` for random inputs.
 
-    Both are called with `count` random inputs. The result is infinite if the shapes of the
-    outputs differ, and NaN if an output is NaN.
+    `act` and `network` are called with `count` random inputs. If the largest output of `network` for an input is above
+    1, the difference is divided by it. The result is infinite if the shapes of the outputs differ, and NaN if an output
+    is NaN.
     """
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
     corrections = np.array([act(row) for row in features])

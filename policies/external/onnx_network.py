@@ -109,7 +109,8 @@ def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunc
         file: Path of the network, named in errors.
 
     Returns:
-        factory: Function without arguments that returns a function with an initial recurrent state.
+        factory: Function without arguments. It returns a function from one observation to one action, with a recurrent
+            state of its own that is initially zero.
         has_memory: True for a recurrent network.
 
     Raises:

@@ -111,8 +111,8 @@ class PolicyProcess:
     def call(self, request: tuple[object, ...], timeout: float, heartbeat_timeout: float | None = None) -> Any:
         """Call a method of the object in the subprocess, which is started if needed.
 
-        The subprocess is killed if the answer is late. Time in which it waits for a processor core does not count. A
-        busy subprocess sends heartbeats, which restart the timeout.
+        The subprocess is killed if the answer is late. Time in which the subprocess waits for a processor core does not
+        count. A busy subprocess sends heartbeats (messages that it is still at work), which restart the timeout.
 
         Args:
             request: Name of the method, then its arguments.

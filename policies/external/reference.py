@@ -55,7 +55,7 @@ class PolicyReference:
 
     @property
     def suffix(self) -> str:
-        """Suffix of the policy's file in lower case, one of SUFFIXES."""
+        """Suffix of the policy's file in lower case, for example `.onnx`."""
         return self.file.suffix.lower()
 
     @property
@@ -79,8 +79,8 @@ class PolicyReference:
 def is_reference(text: str | Path) -> bool:
     """Return True if a text has the form of a reference to an external policy.
 
-    The suffix of the file must be one of SUFFIXES, and the text must not be the path of a folder. The file may be
-    missing.
+    The suffix of the file must be supported (SUFFIXES), for example `.onnx`, and the text must not be the path of a
+    folder. The file may be missing.
     """
     return _parse_reference(text).suffix in SUFFIXES and not Path(text).is_dir()
 

@@ -66,7 +66,8 @@ def find_statistics(model: Path) -> tuple[Path | None, bool]:
 def _statistics_above(model: Path) -> list[Path]:
     """Return the paths of the observation statistics files in the parent of the model's folder.
 
-    Files with other names than STATISTICS_NAMES are included if the model's folder is in BEST_MODEL_FOLDERS.
+    Only files with a usual name (STATISTICS_NAMES) are included. If the model's folder has a usual name of a folder for
+    the best model (BEST_MODEL_FOLDERS), files with other names are included, too.
     """
     folder = model.parent.parent
     files = _statistics_in(folder) if model.parent.name in BEST_MODEL_FOLDERS else []

@@ -35,11 +35,11 @@ The first call may take longer because some policies compile themselves in it.
 MAX_REASON = 200
 """Maximum number of characters of the text that describes the failure of a policy."""
 HEARTBEAT_PERIOD = 1.0
-"""Minimum time between two heartbeats, s.
+"""Minimum time between two heartbeats (messages that the policy's subprocess is still at work), s.
 
 A fifth of the deadline of a call is used instead if it is shorter. After a call of the policy, the subprocess sends a
 heartbeat to its parent if this time has passed since the last heartbeat. The heartbeat restarts the timeout of the
-parent, so that the calls for many robots do not exceed it.
+parent, so that the calls for many robots do not exceed the timeout.
 """
 
 _parent_connection: Connection | None = None
@@ -55,7 +55,7 @@ class PolicyStepResult:
     failures: dict[int, str]
     """Index of each robot for which the policy failed in this step -> reason."""
     signals: dict[str, NDArray[Any]] = field(default_factory=dict)
-    """Name of each signal that the policy has, one of SIGNAL_NAMES -> values with one row per robot."""
+    """Name of each signal that the policy has, for example `phase` (SIGNAL_NAMES) -> values, one row per robot."""
 
 
 def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
@@ -91,9 +91,10 @@ def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
 
 
 def send_heartbeat() -> None:
-    """Send a heartbeat to the parent process, which restarts the timeout with which the parent waits.
+    """Send a heartbeat, a message that this process is still at work, to the parent process.
 
-    The function does nothing in a process that does not run an external policy.
+    The parent then restarts the timeout with which it waits for an answer. The function does nothing in a process that
+    does not run an external policy.
     """
     if _parent_connection is not None:
         _parent_connection.send(None)
@@ -239,7 +240,7 @@ class PolicyServer:
         return PolicyStepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
-        """Return the signals that the policy has: name, one of SIGNAL_NAMES -> values with one row per robot."""
+        """Return the signals that the policy has: name, for example `phase` (SIGNAL_NAMES) -> one row per robot."""
         signals = {}
         for name in SIGNAL_NAMES if isinstance(self._loaded, Policy) else ():
             value, _ = self._call(lambda name=name: np.array(getattr(self._loaded, name)))

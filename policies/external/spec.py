@@ -17,6 +17,7 @@ from quad_env.files.text import brief
 
 Numbers = tuple[Finite, ...]
 Range = tuple[Finite, Finite]
+"""Minimum and maximum of a number."""
 
 TERM_WIDTHS: dict[str, int | None] = {
     "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) if the robot is upright
@@ -79,7 +80,7 @@ PLAUSIBLE_RANGES = {
 }
 """Name of a field of a specification -> plausible range of its numbers: minimum, maximum, unit.
 
-A number outside the range is rejected as an error in the file, because no robot has it.
+A number outside the range is rejected as an error in the file, because no robot has a number of this size.
 """
 _TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 """Name of a setting of `SpecTerm` -> name of the only observation term that has this setting."""
@@ -138,7 +139,7 @@ class SpecTerm(_CheckedSpec):
     """
 
     name: str
-    """Name of the term, one of TERM_WIDTHS."""
+    """Name of the term, for example `joint_position`; the keys of TERM_WIDTHS are the valid names."""
     scale: Numbers = (1.0,)
     """Factors on the values of the term: one factor for all values, or one factor per value."""
     clip: Range | None = None
@@ -271,7 +272,7 @@ class PolicySpec(_CheckedSpec):
         self._check_terms()
 
     def _check_joints(self) -> None:
-        """Raise PolicyError if joint names are invalid, or if a field of JOINT_FIELDS has not twelve values."""
+        """Raise PolicyError if joint names are invalid, or if a field per joint, such as `stiffness`, lacks values."""
         names = (*self.joints, *(self.observed_joints or ()))
         if any(not name.isprintable() or len(name) > MAX_NAME for name in names):
             raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")

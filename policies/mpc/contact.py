@@ -33,8 +33,8 @@ class ContactEstimatorConstants:
     max_wrench: tuple[float, ...] = (80.0, 80.0, 400.0, 15.0, 15.0, 15.0)
     """Bounds of the absolute components of the external wrench on the trunk, (6,).
 
-    They are force x, y, z, level frame, N, then moment x, y, z, base frame, N·m. Each sample of the wrench is clipped
-    to them before the low-pass filter."""
+    They are force x, y, z, level frame (yaw only), N, then moment x, y, z, base frame, N·m. Each sample of the wrench
+    is clipped to them before the low-pass filter."""
     max_upward_force: float = 40.0
     """Largest upward component of a sample of the external force on the trunk, N.
 
@@ -64,9 +64,13 @@ class ContactEstimatorConstants:
     encoder_offset_time: float = 1.0
     """Time constant of the low-pass filter of the estimated encoder offsets, s.
 
-    The offsets of a leg are updated while its foot is in the air."""
+    An encoder offset is the encoder reading minus the true joint angle. The offsets of a leg are updated while its foot
+    is in the air."""
     max_encoder_offset: float = 0.03
-    """Bound of the absolute encoder offset that is computed in one control step, before the low-pass filter, rad."""
+    """Bound of the absolute encoder offset that is computed in one control step, rad.
+
+    An encoder offset is the encoder reading minus the true joint angle. The computed offset is clipped to this bound
+    before it enters the low-pass filter of the estimated offset."""
     friction_safety_factor: float = 0.7
     """Factor on the friction coefficient that is measured in a slip.
 
@@ -81,6 +85,7 @@ class ContactEstimatorConstants:
 
 CONSTANTS = ContactEstimatorConstants()
 MAX_WRENCH = np.array(CONSTANTS.max_wrench)
+"""Bounds of the absolute components of the external wrench on the trunk, (6,): force, N, then moment, N·m."""
 
 
 class ContactEstimator(PerRobotState):
@@ -99,8 +104,8 @@ class ContactEstimator(PerRobotState):
     wrench: Floats = per_robot(np.zeros(6))
     """Low-pass filtered external wrench on the trunk of each robot, (n, 6); it includes the weight of a load.
 
-    The first three numbers are the force, level frame, N. The last three are the moment about the trunk centre, base
-    frame, N·m."""
+    The first three numbers are the force, level frame (yaw only), N. The last three are the moment about the trunk
+    centre, base frame, N·m."""
     friction_estimate: Floats = per_robot()
     """Estimated friction coefficient between the feet and the ground, one number per robot, (n,).
 
@@ -108,7 +113,7 @@ class ContactEstimator(PerRobotState):
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
     """True for feet in contact with the ground, (n, 4).
 
-    The vertical force on these feet exceeds `touch_force`, and they are not in mid-swing."""
+    A foot is in contact if the vertical force on it exceeds the parameter `touch_force` and it is not in mid-swing."""
     encoder_offsets: Floats = per_robot(np.zeros(12))
     """Estimated encoder offsets: encoder reading minus true joint angle, (n, 12), rad.
 
@@ -160,8 +165,9 @@ class ContactEstimator(PerRobotState):
         Args:
             motion: State of n robots at the time of the readings, with the joint targets that led to it. Its dynamics
                 include the load on the trunk.
-            weight: Weight of the loads as a wrench on the trunk, (n, 6): force, level frame, N, then moment, base
-                frame, N·m. It is added to the unexplained wrench, because the dynamics in `motion` include the load.
+            weight: Weight of the loads as a wrench on the trunk, (n, 6): force, level frame (yaw only), N, then moment,
+                base frame, N·m. It is added to the unexplained wrench, because the dynamics in `motion` include the
+                load.
             in_mid_swing: True for feet that are in mid-swing according to the gait, (n, 4). They count as not in
                 contact.
 
@@ -191,8 +197,8 @@ class ContactEstimator(PerRobotState):
     def _turn_wrench(self, yaw: Floats) -> None:
         """Rotate the horizontal force of the external wrench by -`yaw`, (n,), rad, about the vertical axis.
 
-        This is needed because the level frame has turned by `yaw` with the robot, whereas a push keeps its direction in
-        the world.
+        This is needed because the level frame (yaw only) has turned by `yaw` with the robot, whereas a push keeps its
+        direction in the world.
         """
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
@@ -203,7 +209,7 @@ class ContactEstimator(PerRobotState):
     def _update_wrench(self, sample: Floats, informative: Mask) -> None:
         """Update the low-pass filtered external wrench of some robots with a new sample.
 
-        `sample`: unfiltered external wrench, (n, 6): force, level frame, N, then moment, base frame, N·m;
+        `sample`: unfiltered external wrench, (n, 6): force, level frame (yaw only), N, then moment, base frame, N·m;
         `informative`: True for robots to update, (n,).
         """
         bounded = sample.clip(-MAX_WRENCH, MAX_WRENCH)
@@ -220,7 +226,7 @@ class ContactEstimator(PerRobotState):
             in_mid_swing: True for feet in mid-swing, (n, 4); they count as not in contact.
 
         Returns:
-            forces: Ground reaction forces on the feet, level frame, (n, 4, 3), N.
+            forces: Ground reaction forces on the feet, level frame (yaw only), (n, 4, 3), N.
             unexplained: Wrench on the trunk that the forces on the feet do not explain, (n, 6). Force, level frame, N,
                 and moment about the trunk centre, base frame, N·m.
         """
@@ -253,13 +259,15 @@ class ContactEstimator(PerRobotState):
         self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
-        """Update the friction estimate: it falls when feet slide and slowly returns to `friction` afterwards.
+        """Update the friction estimate: it falls while feet slide, and then slowly rises again.
+
+        It rises to the parameter `friction`, the friction coefficient that is assumed before a foot has slipped.
 
         The friction coefficient of a sliding foot is its horizontal force divided by its vertical force. A foot counts
         as sliding if it moves and is still loaded one control step later. A foot that lifts off also moves, but it is
         no longer loaded one step later. A foot must slide in two consecutive control steps, because a foot that lands
-        slides for a moment. `forces`: forces on the feet, level frame, (n, 4, 3), N; `velocity`: foot velocities, level
-        frame, (n, 4, 3), m/s.
+        slides for a moment. `forces`: forces on the feet, level frame (yaw only), (n, 4, 3), N; `velocity`: foot
+        velocities, level frame, (n, 4, 3), m/s.
         """
         p = self._parameters
         c = CONSTANTS
@@ -283,7 +291,7 @@ def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floa
 
     Args:
         bodies: Dynamics terms of n robots; the mass, the centre of mass and the rotational inertia are used.
-        rotation: Rotation matrix from the base to the level frame, (n, 3, 3).
+        rotation: Rotation matrix from the base to the level frame (yaw only), (n, 3, 3).
         wrench: Wrench on the trunk, (n, 6): force, level frame, N, then moment about the trunk centre, base frame, N·m.
 
     Returns:
@@ -328,6 +336,9 @@ def classify_contacts(
     flies: bool,
 ) -> ContactState:
     """Classify the feet as stance, late or landed, by their phase in the gait and by their contact forces.
+
+    Stance feet carry the robot. A late foot is in its stance phase but has not touched the ground yet. A landed foot is
+    on the ground, so that its position is used for the terrain estimate.
 
     Args:
         p: Parameters with the force thresholds `touch_force` and `early_force`.

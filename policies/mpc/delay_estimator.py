@@ -24,7 +24,10 @@ The candidates are all whole numbers from 0 to this number."""
 
 @dataclass(frozen=True)
 class DelayEstimatorParameters:
-    """Filter time and thresholds of `DelayEstimator`."""
+    """Filter time and thresholds of `DelayEstimator`.
+
+    `DelayEstimator` estimates the time from a joint reading until the joint target computed from this reading acts.
+    """
 
     filter_time: float = 1.0
     """Time constant of the low-pass filter of the squared errors of the predicted joint speeds, s.

@@ -1,6 +1,6 @@
 """Footholds, swing trajectories and the terrain plane of the model-based controllers.
 
-All positions are in the level frame: origin at the trunk centre, z up, x forward.
+All positions are in the level frame (yaw only): origin at the trunk centre, z up, x forward.
 """
 
 import math
@@ -31,11 +31,14 @@ MAX_HIP_ANGLE = 0.42
 
 It bounds the lateral position of the foothold, so that the abduction joint stays within its limit."""
 MAX_SLOPE = 0.6
-"""Bound of the measured slope of the ground before the low-pass filter, rise per metre, forward and lateral."""
+"""Bound of the absolute forward and of the absolute lateral slope of the ground, rise per metre.
+
+The measured slope is clipped to this bound before it enters the low-pass filter of the slope."""
 ROUGHNESS_FILTER_TIME = 1.0
 """Time constant of the low-pass filter of the ground roughness, s.
 
-The roughness is the largest distance of a footprint from the plane through the last four footprints."""
+The roughness is the largest vertical distance of a footprint from the plane through the footprints of the four feet. A
+footprint is the position of a foot at its last contact with the ground."""
 CROUCH_MARGIN = 0.05
 """Assumed largest sag of the trunk below its reference height when a foot lands, m.
 
@@ -49,8 +52,8 @@ _ROTATE_90 = np.array([-1.0, 1.0])
 Terrain = Callable[[Floats, Floats, Floats], Floats]
 """Function (x, y, progress) -> height of the terrain under the swing feet of n robots; each array is (n, 4).
 
-x and y are the foot position and the result is the height, level frame, m. The progress is the elapsed fraction of the
-swing phase, 0 to 1."""
+x and y are the foot position and the result is the height, level frame (yaw only), m. The progress is the elapsed
+fraction of the swing phase, 0 to 1."""
 
 
 class TerrainPlane(NamedTuple):
@@ -81,13 +84,20 @@ class TerrainEstimator(PerRobotState):
     """
 
     slope: Floats = per_robot(np.zeros(2), axis=1)
-    """Low-pass filtered slope of the ground forward and to the left, level frame, rise per metre, (2, n)."""
+    """Low-pass filtered slope of the ground forward and to the left, level frame, rise per metre, (2, n).
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
     roughness: Floats = per_robot(0.0)
     """Low-pass filtered roughness of the ground, (n,), m.
 
-    The roughness is the largest vertical distance of a footprint from the plane through the last four footprints."""
+    The roughness is the largest vertical distance of a footprint from the plane through the footprints of the four
+    feet. A footprint is the position of a foot at its last contact with the ground."""
     footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    """Footprint of each foot (its position at its last contact with the ground), level frame, (3, 4, n), m."""
+    """Footprint of each foot (its position at its last contact with the ground), level frame, (3, 4, n), m.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
 
     def __init__(self, slope_time: float, period: float) -> None:
         self._slope_gain = lowpass_gain(period, slope_time)
@@ -132,7 +142,7 @@ def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
 
     Returns:
-        Velocity of the ground, level frame, (n, 4, 2), m/s.
+        Velocity of the ground, level frame (yaw only), (n, 4, 2), m/s.
     """
     return -point_velocity(state, yaw_rate, state.bodies.feet)
 
@@ -143,7 +153,7 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
     Args:
         state: State of n robots; it supplies the velocity v of the centre of mass.
         yaw_rate: Yaw rate ω_z of the trunks, (n,), rad/s.
-        positions: Positions r of the points relative to the trunk centre, level frame, (n, 4, 2 or 3), m.
+        positions: Positions r of the points relative to the trunk centre, level frame (yaw only), (n, 4, 2 or 3), m.
 
     Returns:
         Horizontal velocity of the points, level frame, (n, 4, 2), m/s.
@@ -164,7 +174,7 @@ def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
         p: Parameters with the length, the width and the forward `shift` of the rectangle.
 
     Returns:
-        Footholds (x, y) relative to the centre of mass, level frame, (4, 2), m.
+        Footholds (x, y) relative to the centre of mass, level frame (yaw only), (4, 2), m.
     """
     fore_or_hind = np.sign(robot.hip_positions[:, 0])
     return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
@@ -188,7 +198,8 @@ def plan_footholds(
         robot: Robot model; it supplies the hip positions.
         p: Parameters of the nominal footholds, `step_gain` and `lean_gain`.
         motion: State of n robots.
-        disturbance_acceleration: Horizontal acceleration that lasting external forces cause, level frame, (n, 2), m/s².
+        disturbance_acceleration: Horizontal acceleration that lasting external forces cause, level frame (yaw only),
+            (n, 2), m/s².
         stance_time: Duration of a stance phase of each robot, (n,), s.
         height: Reference height of the trunk centre above the ground, m.
 
@@ -227,7 +238,7 @@ def swing_trajectory(
 
     Args:
         p: Parameters with `step_height` and `landing_depth`.
-        start: Foot position (x, y) at lift-off, level frame, (n, 4, 2), m.
+        start: Foot position (x, y) at lift-off, level frame (yaw only), (n, 4, 2), m.
         foothold_positions: Foot position (x, y) at touch-down, level frame, (n, 4, 2), m.
         ground_velocities: Horizontal velocity of the ground relative to the trunk at each foot, level frame, (n, 4, 2),
             m/s.
@@ -281,7 +292,7 @@ def predict_moment_arms(
     position on the ground, and a swing foot stays at its foothold after it has landed.
 
     Args:
-        feet: Present foot positions, level frame, (n, 4, 3), m.
+        feet: Present foot positions, level frame (yaw only), (n, 4, 3), m.
         foothold_positions: Next footholds (x, y), level frame, (n, 4, 2), m.
         centre: Position of the centre of mass, level frame, (n, 3), m.
         velocity: Horizontal velocity of the centre of mass, level frame, (n, 2), m/s.

@@ -67,21 +67,25 @@ class ControlState(NamedTuple):
     motion: MotionState
     """Predicted state of n robots at the time when the next joint targets act.
 
-    The dynamics of the state include the load on the trunk. Its velocity command includes the feedback of the position
-    error."""
+    The state contains dynamics terms, such as the inertia matrix, and the velocity command. The dynamics terms describe
+    the robot together with a load on its trunk. The velocity command contains, in addition to the given command, a
+    velocity that corrects the position error (the integral of commanded minus actual velocity)."""
     contact_forces: Floats
     """Estimated mean forces on the feet over the last control period before the readings, level frame, (n, 4, 3), N.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
 
     If encoders read the joints, they are means over the last two control periods."""
     disturbance_wrench: Floats
     """External wrench on the trunk of each robot minus the weight of the load, (n, 6).
 
-    The first three numbers are the force, level frame, N. The last three are the moment about the trunk centre, base
-    frame, N·m."""
+    The first three numbers are the force, level frame (yaw only), N. The last three are the moment about the trunk
+    centre, base frame, N·m."""
     disturbance_acceleration: Floats
-    """Acceleration that the external wrench causes, except for the weight of the load, level frame, (n, 6).
+    """Acceleration of each robot that the external wrench on its trunk causes, level frame (yaw only), (n, 6).
 
-    The first three numbers are the linear acceleration, m/s². The last three are the angular acceleration, rad/s²."""
+    The weight of the load is first subtracted from the wrench. The first three numbers are the linear acceleration,
+    m/s². The last three are the angular acceleration, rad/s²."""
     friction: Friction
     """Bounds of the contact forces: friction coefficient and largest vertical force on a foot of each robot."""
 
@@ -92,20 +96,20 @@ class ContactPlan(NamedTuple):
     stance: Mask
     """True for stance feet, which carry the robot in the next control period, (n, 4)."""
     ground: TerrainPlane
-    """Estimated ground plane under each of n robots, level frame."""
+    """Estimated ground plane under each of n robots, level frame (yaw only)."""
     foothold_positions: Floats
-    """Planned position (x, y) of each foot at its next touch-down, level frame, (n, 4, 2), m."""
+    """Planned position (x, y) of each foot at its next touch-down, level frame (yaw only), (n, 4, 2), m."""
     foot_acceleration: Floats
-    """Reference accelerations of the feet for the next control period, level frame, (n, 4, 3), m/s²."""
+    """Reference accelerations of the feet for the next control period, level frame (yaw only), (n, 4, 3), m/s²."""
 
 
 class StanceForces(NamedTuple):
     """Planned contact forces of n robots; the result of the third phase of a control step."""
 
     forces: Floats
-    """Planned ground reaction forces on the feet, level frame, (n, 4, 3), N."""
+    """Planned ground reaction forces on the feet, level frame (yaw only), (n, 4, 3), N."""
     moment_arms: Floats
-    """Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m."""
+    """Vectors from the centre of mass to the feet, level frame (yaw only), (n, 4, 3), m."""
     failed: Mask
     """True for robots that needed a new force plan but kept the old one, (n,).
 
@@ -126,7 +130,7 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
 
 
 def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
-    """Return the velocity of points that move with the trunk, level frame, (n, 4, 3), m/s.
+    """Return the velocity of points that move with the trunk, level frame (yaw only), (n, 4, 3), m/s.
 
     Of the angular velocity of the trunk, only the yaw rate is considered. `position`: points relative to the trunk
     centre, level frame, (n, 4, 3), m.
@@ -174,7 +178,9 @@ class ModelBased(GaitedPolicy):
     _frequencies: Floats = per_robot()
     """Present step frequency of each robot in gait cycles per second, (n,), Hz."""
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
-    """Position (x, y) of each foot at its last lift-off, in the level frame of that time, (n, 4, 2), m."""
+    """Position (x, y) of each foot at its last lift-off, (n, 4, 2), m.
+
+    It is in the level frame (origin at the trunk centre, yaw only) of the robot at the time of this lift-off."""
     _targets: Floats = per_robot()
     """Joint targets of n robots in the last control step, (n, 12), rad."""
     _last_observation: NDArray[np.float32] = per_robot(_observation_at_rest)
@@ -285,7 +291,10 @@ class ModelBased(GaitedPolicy):
     # Phase 2 of a control step: plan the contacts.
 
     def _advance_gait_clock(self, state: MotionState) -> None:
-        """Advance the gait clock of each robot by one control step; a large velocity error raises its frequency."""
+        """Advance the gait clock of each robot by one control step.
+
+        The clock runs at the step frequency. A large velocity error of the robot raises the step frequency.
+        """
         p = self.parameters
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
         faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
@@ -314,8 +323,8 @@ class ModelBased(GaitedPolicy):
     def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
         """Classify the feet as stance, late or landed, see `ContactState`.
 
-        `cycle`: present gait cycle of the legs, (n, 4); `contact_forces`: estimated forces on the feet, level frame,
-        (n, 4, 3), N.
+        `cycle`: present gait cycle of the legs, (n, 4); `contact_forces`: estimated forces on the feet, level frame
+        (yaw only), (n, 4, 3), N.
         """
         cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
         return classify_contacts(
@@ -343,7 +352,7 @@ class ModelBased(GaitedPolicy):
         """Return the function that gives the terrain height under the swing feet.
 
         It returns the height of the plane `ground`, to which a height for rough ground is added in mid-swing. A
-        subclass may use the next footholds `foothold_positions`, (x, y), level frame, (n, 4, 2), m.
+        subclass may use the next footholds `foothold_positions`, (x, y), level frame (yaw only), (n, 4, 2), m.
         """
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
@@ -351,7 +360,7 @@ class ModelBased(GaitedPolicy):
     def _foot_accelerations(
         self, state: MotionState, cycle: LegCycle, contacts: ContactState, foothold_positions: Floats, terrain: Terrain
     ) -> Floats:
-        """Return the reference accelerations of the feet, level frame, (n, 4, 3), m/s².
+        """Return the reference accelerations of the feet, level frame (yaw only), (n, 4, 3), m/s².
 
         A swing foot tracks its trajectory by a PD law. A stance foot is decelerated in proportion to its velocity. A
         late foot, which should be in stance but has not touched the ground, is lowered at `search_speed`.
@@ -420,9 +429,9 @@ class ModelBased(GaitedPolicy):
     ) -> Torques:
         """Return the joint torques that track the `reference`; the torques of each leg are computed separately.
 
-        A subclass may override the method with a whole-body QP. `disturbance_wrench`: external force, level frame, N,
-        and moment, base frame, N·m, on the trunk, (n, 6); `friction`: bounds of the contact forces, which only the QP
-        uses.
+        A subclass may override the method with a whole-body QP. `disturbance_wrench`: external force, level frame (yaw
+        only), N, and moment, base frame, N·m, on the trunk, (n, 6); `friction`: bounds of the contact forces, which
+        only the QP uses.
         """
         return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 

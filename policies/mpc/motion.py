@@ -123,7 +123,7 @@ class PointLoad(NamedTuple):
         """Return the weight of the loads as a wrench (force and moment) on the trunks.
 
         Args:
-            rotation: Rotation from the base to the level frame, (n, 3, 3).
+            rotation: Rotation from the base to the level frame (yaw only), (n, 3, 3).
 
         Returns:
             Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
@@ -143,7 +143,7 @@ def estimate_load(wrench: Floats, height: float) -> PointLoad:
     by the weight. The forward position is the pitch moment divided by the weight.
 
     Args:
-        wrench: External wrench on the trunk, (n, 6): force, level frame, N, then moment, base frame, N·m.
+        wrench: External wrench on the trunk, (n, 6): force, level frame (yaw only), N, then moment, base frame, N·m.
         height: Assumed height of the load above the trunk centre, m.
 
     Returns:
@@ -197,7 +197,10 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
 
 
 def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the Jacobian of the load position: load velocity, level frame, per generalised velocity, (n, 3, 18)."""
+    """Return the Jacobian of the load position: load velocity, level frame, per generalised velocity, (n, 3, 18).
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
     count, size = motion.generalised_velocity.shape
     jacobian = np.zeros((count, 3, size))
     jacobian[:, :, :3] = np.eye(3)
@@ -206,7 +209,7 @@ def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
 
 
 def _load_bias_acceleration(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the centripetal acceleration ω × (ω × r) of the load, level frame, (n, 3), m/s².
+    """Return the centripetal acceleration ω × (ω × r) of the load, level frame (yaw only), (n, 3), m/s².
 
     ω is the angular velocity of the trunk and r the position of the load relative to the trunk centre.
     """

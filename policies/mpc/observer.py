@@ -51,7 +51,8 @@ class DelayCompensator(PerRobotState):
     _targets: Floats = per_robot(axis=1)
     """Joint targets of the last m control periods, newest first, (m, n, 12), rad.
 
-    m is the number of candidate delays plus the number of earlier targets that the motors still follow."""
+    m is large enough for the longest candidate delay plus the time in which the motors still follow an earlier
+    target."""
     _stance: Mask = per_robot(np.ones((MAX_DELAY_STEPS + 1, 4), np.bool_), axis=1)
     """True for feet in stance, for each of the last control periods, newest first, (MAX_DELAY_STEPS + 1, n, 4)."""
 
@@ -114,8 +115,8 @@ class DelayCompensator(PerRobotState):
 
         Args:
             observation: Observations of n robots, (n, k).
-            wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre,
-                base frame, N·m.
+            wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+                centre, base frame, N·m.
 
         Returns:
             State of n robots at the time of the readings, with the joint targets that led to it.
@@ -147,8 +148,8 @@ class DelayCompensator(PerRobotState):
 
         Args:
             in_contact: True for feet that touched the ground at the time of the readings, (n, 4).
-            wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre,
-                base frame, N·m.
+            wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+                centre, base frame, N·m.
         """
         if self._has_encoders:
             self._filter_readings(in_contact, wrench)
@@ -158,8 +159,8 @@ class DelayCompensator(PerRobotState):
         """Predict the state at the time when the next joint targets act; called after `read` and `correct`.
 
         Args:
-            wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre,
-                base frame, N·m.
+            wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+                centre, base frame, N·m.
             in_contact: True for feet that touched the ground at the time of the readings, (n, 4).
             slope: Slope of the ground forward and to the left, rise per metre, (2, n).
             planned: Observations with the joint angles and speeds that the controller has planned for the predicted

@@ -52,7 +52,8 @@ class ModelParameters(Parameters):
     fastest_return: float = parameter(1.2, limits=(0.0, 100.0), search=(0.5, 2.0), unit="m/s")
     """Largest horizontal speed of the velocity command after the position feedback has been added, m/s.
 
-    If the command without the feedback is faster, its speed is the limit."""
+    The position feedback is a velocity that corrects the position error. If the command without the feedback is faster,
+    the limit is the speed of this command."""
     friction: float = parameter(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
     """Friction coefficient between feet and ground that the controller assumes before a foot has slipped.
 

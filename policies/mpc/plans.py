@@ -34,13 +34,19 @@ class ForcePlans(PerRobotState):
     """
 
     forces: Floats = per_robot()
-    """Planned contact force of each foot in each of the N steps of the horizon, level frame, (n, N, 4, 3), N."""
+    """Planned contact force of each foot in each of the N steps of the horizon, level frame, (n, N, 4, 3), N.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
     age: Floats = per_robot(np.inf)
     """Time since the force plan of each robot was computed, (n,), s; infinite before the first plan."""
     _stance: Mask = per_robot()
     """True for feet that are planned to be in stance, for each of the N steps of the horizon, (n, N, 4)."""
     _moment_arms: Floats = per_robot()
-    """Planned vectors from the centre of mass to the feet in each of the N steps, level frame, (n, N, 4, 3), m."""
+    """Planned vectors from the centre of mass to the feet in each of the N steps, level frame, (n, N, 4, 3), m.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps = steps
@@ -79,7 +85,7 @@ class ForcePlans(PerRobotState):
 
         Args:
             robots: Indices of the robots, (g,).
-            forces: Contact forces in each of the N steps of the horizon, level frame, (g, N, 4, 3), N.
+            forces: Contact forces in each of the N steps of the horizon, level frame (yaw only), (g, N, 4, 3), N.
             stance: True for the stance feet in each step of the horizon, (g, N, 4).
             moment_arms: Vectors from the centre of mass to the feet in each step of the horizon, level frame, (g, N, 4,
                 3), m.
@@ -97,7 +103,7 @@ class ForcePlans(PerRobotState):
 
         Args:
             stance: True for feet that are in stance now, (n, 4).
-            moment_arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
+            moment_arms: Present vectors from the centre of mass to the feet, level frame (yaw only), (n, 4, 3), m.
             friction: Bounds of the contact forces; used only if a wrench is distributed.
 
         Returns:
@@ -131,7 +137,8 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
     friction pyramid, so that their wrench may differ from the given one.
 
     Args:
-        wrench: Wrench on each robot, level frame, (n, 6): force, N, then moment about the centre of mass, N·m.
+        wrench: Wrench on each robot, level frame (yaw only), (n, 6): force, N, then moment about the centre of mass,
+            N·m.
         stance: True for stance feet, (n, 4).
         moment_arms: Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
         friction: Bounds of the contact forces.

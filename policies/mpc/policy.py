@@ -121,6 +121,8 @@ class Mpc(ModelBased):
     ) -> Floats:
         """Predict the vectors from the centre of mass to the feet over the MPC horizon, level frame, (n, N, 4, 3), m.
 
+        The level frame turns only with the yaw of the robot, and its z axis points up.
+
         `stance_schedule` and `time_in_stance`, (n, N, 4), are the results of `_make_schedule` for the N steps of the
         horizon.
         """
@@ -165,8 +167,8 @@ class Mpc(ModelBased):
             due: True for robots that need a new force plan, (n,).
             state: State of n robots.
             ground: Ground plane under each robot.
-            disturbance_acceleration: Acceleration that the external wrench causes, level frame, (n, 6): linear, m/s²,
-                then angular, rad/s².
+            disturbance_acceleration: Acceleration that the external wrench causes, level frame (yaw only), (n, 6):
+                linear, m/s², then angular, rad/s².
             moment_arms: Vectors from the centre of mass to the feet in each of the N steps of the horizon, level frame,
                 (n, N, 4, 3), m.
             stance_schedule: True for stance feet in each step of the horizon, (n, N, 4).
@@ -200,8 +202,8 @@ class Mpc(ModelBased):
         """Return the state of each robot as a single rigid body, the initial state of the MPC.
 
         Roll and pitch are relative to the ground plane. The height is the deviation from the reference height above the
-        ground. `disturbance_acceleration`: acceleration that the external wrench causes, level frame, (n, 6): linear,
-        m/s², then angular, rad/s².
+        ground. `disturbance_acceleration`: acceleration that the external wrench causes, level frame (yaw only), (n,
+        6): linear, m/s², then angular, rad/s².
         """
         bodies = state.bodies
         pose = np.zeros((self.num_envs, 6))

@@ -59,6 +59,7 @@ class Solutions(NamedTuple):
 
 
 Solver = Callable[[QpBatch], Solutions]
+"""Function that solves a batch of quadratic programs, for example `solve`."""
 
 
 def solve(programs: QpBatch) -> Solutions:

@@ -28,12 +28,13 @@ Until this time has passed since the reset, the estimate is the mean of all samp
 EARLY_SAMPLES = 8
 """Number of samples E in the factor 1 + E/k, which multiplies the noise floor after k estimates of the variance.
 
-The noise floor is the variance that is estimated for noise-free readings. It is higher at first, because an estimate
-from few samples scatters."""
+The noise floor is the variance that is estimated for noise-free readings. The noise floor is higher in the first
+samples after a reset, because an estimate from few samples scatters."""
 SAMPLES_WITHOUT_ESTIMATE = 3
 """Number of samples after a reset for which no noise variance is estimated.
 
-The estimate needs two consecutive second differences of the readings, and these need four samples."""
+The estimate needs two consecutive second differences of the readings, and thus four samples. The second difference of
+a reading z at sample k is z_k - 2 z_{k-1} + z_{k-2}."""
 
 
 class NoiseEstimator(PerRobotState):
@@ -53,7 +54,7 @@ class NoiseEstimator(PerRobotState):
     """Previous values of the k readings of n robots, (3, n, k), in the units of the readings.
 
     The first axis holds the readings one sample ago, the readings two samples ago, and the second difference one sample
-    ago."""
+    ago. The second difference of a reading z at sample k is z_k - 2 z_{k-1} + z_{k-2}."""
     _raw_variance: Floats = per_robot()
     """Low-pass filtered noise variance of each of m groups of readings, (n, m), before the noise floor is subtracted.
 

@@ -37,14 +37,14 @@ def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period:
 
     The prediction uses the state at the beginning of the period and the generalised velocity at its end. The direction
     of gravity in the base frame, g, changes to g - T ω × g. The trunk velocity is rotated into the new base frame by
-    the same formula. The joint angles q change to q + T q̇. Here ω and q̇ are the angular velocity and the joint speeds,
-    averaged over the period.
+    the same formula. The joint angles q change to q + T q̇. Here ω and q̇ are the angular velocity and the joint
+    speeds, averaged over the period.
 
     Args:
         robot: Robot model; it supplies the home pose, which is subtracted from the joint angles.
         state: State of n robots at the beginning of the control period.
-        velocity: Generalised velocity at the end of the control period, (n, 18): trunk velocity, level frame, m/s,
-            angular velocity, base frame, rad/s, and joint speeds, rad/s.
+        velocity: Generalised velocity at the end of the control period, (n, 18): trunk velocity, level frame (yaw
+            only), m/s, angular velocity, base frame, rad/s, and joint speeds, rad/s.
         period: Control period T, s.
 
     Returns:

@@ -46,7 +46,7 @@ class RigidBodyState(NamedTuple):
     """
 
     pose: Floats
-    """Deviation of the body from its present reference, level frame, (n, 6).
+    """Deviation of the body from its present reference, level frame (yaw only), (n, 6).
 
     The numbers are roll, pitch and yaw, rad, then the position x, y, z, m."""
     rate: Floats
@@ -56,9 +56,12 @@ class RigidBodyState(NamedTuple):
     mass: Floats
     """Mass of each robot with its load, (n,), kg."""
     inertia: Floats
-    """Rotational inertia of each robot about its centre of mass, level frame, (n, 3, 3), kg·m²."""
+    """Rotational inertia of each robot about its centre of mass, level frame (yaw only), (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """Acceleration that the external wrench causes, level frame, (n, 6): angular, rad/s², then linear, m/s²."""
+    """Acceleration that the external wrench causes, level frame, (n, 6): angular, rad/s², then linear, m/s².
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
 
 
 class MpcWeights(NamedTuple):
@@ -82,11 +85,13 @@ class MpcReference(NamedTuple):
     """
 
     pose: Floats
-    """Pose of each body after each of the N steps of the horizon, level frame, (n, N, 6).
+    """Pose of each body after each of the N steps of the horizon, level frame (yaw only), (n, N, 6).
 
     The numbers are roll, pitch and yaw, rad, then the position x, y, z, m."""
     rate: Floats
     """Velocities after each of the N steps, level frame, (n, N, 6): angular velocity, rad/s, then velocity, m/s.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
 
     The shape (n, 1, 6) stands for a constant rate."""
 
@@ -170,8 +175,8 @@ class CondensedMpc:
 
         Args:
             body: Present state of n robots.
-            moment_arms: Vectors from the centre of mass to the feet in each of the N steps of the horizon, level frame,
-                (n, N, 4, 3), m.
+            moment_arms: Vectors from the centre of mass to the feet in each of the N steps of the horizon, level frame
+                (yaw only), (n, N, 4, 3), m.
             stance: True for stance feet in each step of the horizon, (n, N, 4).
             reference: Reference trajectory of the bodies.
             friction: Bounds of the contact forces.
@@ -192,6 +197,8 @@ class CondensedMpc:
 
     def _accelerations_by_force(self, body: RigidBodyState, moment_arms: Floats) -> Floats:
         """Return the acceleration of the body per component of each contact force, level frame, (n, 12 N, 6).
+
+        The level frame turns only with the yaw of the robot, and its z axis points up.
 
         The 12 N rows are ordered by step of the horizon, then foot, then axis of the force. A row has the angular
         acceleration, rad/s² per newton, then the linear acceleration, m/s² per newton. `moment_arms`: vectors from the
@@ -257,7 +264,7 @@ class CondensedMpc:
             stance: True for stance feet in each of the N steps of the horizon, (g, N, 4).
 
         Returns:
-            Contact forces, level frame, (g, N, 4, 3), N; zero for feet in the air.
+            Contact forces, level frame (yaw only), (g, N, 4, 3), N; zero for feet in the air.
         """
         forces = np.zeros((*stance.shape, 3))
         forces[stance] = solution.reshape(-1, 3)

@@ -72,6 +72,7 @@ class BlockLayout:
     LEGS = slice(6, 30)
     """Slice of the joint speeds, rad/s, and foot impulses, N·s, of all legs in the vector of unknowns."""
     NUM_UNKNOWNS = 30
+    """Number of unknowns of an integration step: 18 generalised velocities and 12 impulse components."""
 
     SERVO_ERROR = slice(18, 30)
     """Slice of the servo errors (joint target minus joint angle), rad, in the state vector."""
@@ -80,6 +81,7 @@ class BlockLayout:
     STEP = slice(31, 32)
     """Slice of the number of the integration step in the control period, from 1, in the state vector."""
     NUM_STATES = 32
+    """Number of state variables: 18 generalised velocities, 12 servo errors, the constant 1 and the step number."""
 
 
 class AffineResponse(NamedTuple):
@@ -126,8 +128,8 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
         robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
         stance: True for feet in contact with the ground during the control period, (n, 4).
-        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         period: Control period, s.
 
     Returns:
@@ -149,8 +151,8 @@ def predict_landing(
         state: State of n robots at the beginning of the control period.
         gaps: Height of the feet above the ground at the beginning of the control period, (n, 4), m.
         targets: Joint targets, (n, 12), rad.
-        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         period: Control period, s.
 
     Returns:
@@ -189,8 +191,8 @@ def _integrate(
         robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
         stance: True for feet in contact with the ground, (n, 4).
-        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         period: Control period, s.
         targets: Joint targets in c columns, (n or 1, 12, c), rad. The initial state and the external forces act in the
             first column only. The other columns give the response to their joint targets alone.
@@ -242,7 +244,7 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
         robot: Robot model; it supplies stiffness k and damping d of the servos.
         state: State of n robots at the beginning of the control period.
         stance: True for feet in contact with the ground, (n, 4).
-        wrench: External wrench w on the trunks, (n, 6): force, level frame, N, then moment, base frame, N·m.
+        wrench: External wrench w on the trunks, (n, 6): force, level frame (yaw only), N, then moment, base frame, N·m.
         step: Length T of the integration step, s.
         sink: Vertical velocity s of the feet in contact, (n, 4), m/s.
 

@@ -48,6 +48,8 @@ class ScannedTerrain(NamedTuple):
     heights: Floats
     """Height of the centre of a foot that stands on each grid point, level frame, (n, rows, columns), m.
 
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+
     The height is relative to the trunk centre. The row index increases forward, and the column index to the left."""
 
     def at(self, positions: Floats) -> Floats:
@@ -56,7 +58,7 @@ class ScannedTerrain(NamedTuple):
         A position outside of the grid has the height of the nearest point on the edge of the grid.
 
         Args:
-            positions: Positions (x, y), level frame, (n, 4, 2), m.
+            positions: Positions (x, y), level frame (yaw only), (n, 4, 2), m.
 
         Returns:
             Heights relative to the trunk centre, (n, 4), m.
@@ -290,7 +292,7 @@ class SightedMpcWbc(MpcWbc):
         """Return the function that gives the terrain height under the swing feet.
 
         It is the mean of the scanned terrain and the terrain of `MpcWbc`, weighted by the weight of the height scan.
-        `foothold_positions`: next footholds (x, y), level frame, (n, 4, 2), m; `ground`: ground plane.
+        `foothold_positions`: next footholds (x, y), level frame (yaw only), (n, 4, 2), m; `ground`: ground plane.
         """
         x, y, start = self.terrain_estimator.footprints.transpose(0, 2, 1)
         footprints = np.stack((x, y), axis=-1)

@@ -55,7 +55,9 @@ class StateFilter(PerRobotState):
 
     They belong to gravity direction (unit vector), angular velocity, rad²/s², and linear velocity, m²/s²."""
     _joint_covariance: Floats = per_robot(np.zeros((2, 2)))
-    """Error covariance matrix of filtered joint angle, rad, and joint speed, rad/s, for every joint, (n, 2, 2)."""
+    """Error covariance matrix of filtered joint angle, rad, and joint speed, rad/s, of each robot, (n, 2, 2).
+
+    All joints of a robot share one matrix."""
 
     def __init__(self, period: float, *, has_encoders: bool) -> None:
         self._has_encoders = has_encoders

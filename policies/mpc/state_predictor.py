@@ -24,7 +24,9 @@ UNSEEN_GROUND_DEPTH = 10.0
 
 It is large, so that no foot lands in the prediction."""
 PREDICTION_WEIGHT = 0.5
-"""Weight of the simulated joint angles and speeds in their average with the planned ones, 0 to 1."""
+"""Weight w of the simulated joint angles and speeds in the predicted state, 0 to 1.
+
+The predicted joint angles and speeds are w × simulated + (1 - w) × planned by the controller."""
 MAX_PLAN_DEVIATION = 1.0
 """Bound of the deviation of the simulated from the planned joint speeds before they are averaged, rad/s.
 
@@ -42,7 +44,7 @@ class ContactGround(NamedTuple):
     unevenness: Floats
     """Height of each foot in contact above the ground plane, (n, 4), m; zero for feet in the air."""
     slope: Floats
-    """Slope of the ground plane forward and to the left, level frame, rise per metre, (2, n)."""
+    """Slope of the ground plane forward and to the left, level frame (yaw only), rise per metre, (2, n)."""
 
 
 class StatePredictor(PerRobotState):
@@ -88,8 +90,8 @@ class StatePredictor(PerRobotState):
             delays: Estimated delay of each robot: number of control steps to predict, (n,).
             targets: Mean joint targets that the motors follow in each of the last m control periods, newest first,
                 (m, n, 12), rad.
-            wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre,
-                base frame, N·m.
+            wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+                centre, base frame, N·m.
             ground: Ground at the time of the readings, from `locate_ground`.
             planned: Observations with the joint angles and speeds that are planned for the end of the delay, (n, k), or
                 None. Their average with the prediction is used for robots with an estimated delay of
@@ -158,7 +160,7 @@ class StatePredictor(PerRobotState):
 def _height_above(state: MotionState, slope: Floats) -> Floats:
     """Return the height of the feet above a plane through the trunk centre, (n, 4), m; negative below the plane.
 
-    `slope`: slope of the plane forward and to the left, level frame, rise per metre, (2, n).
+    `slope`: slope of the plane forward and to the left, level frame (yaw only), rise per metre, (2, n).
     """
     forward, lateral = slope
     return height_above_plane((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T

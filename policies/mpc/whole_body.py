@@ -41,9 +41,12 @@ class WholeBodyReference(NamedTuple):
     base_angular_acceleration: Floats
     """Angular acceleration of the trunk that the whole-body controller tracks, base frame, (n, 3), rad/s²."""
     foot_acceleration: Floats
-    """Accelerations of the feet that the whole-body controller tracks, level frame, (n, 4, 3), m/s²."""
+    """Accelerations of the feet that the whole-body controller tracks, level frame (yaw only), (n, 4, 3), m/s²."""
     contact_force: Floats
-    """Planned ground reaction forces on the feet, level frame, (n, 4, 3), N; only stance feet are used."""
+    """Planned ground reaction forces on the feet, level frame, (n, 4, 3), N; only stance feet are used.
+
+    The level frame turns only with the yaw of the robot, and its z axis points up.
+    """
     stance: Mask
     """True for feet in stance, which carry the robot in the next control period, (n, 4)."""
 
@@ -75,8 +78,8 @@ def solve_whole_body(
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
         p: Parameters with the weights of the cost.
@@ -121,8 +124,8 @@ def make_programs(
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench w on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench w on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
         p: Parameters with the weights of the cost.
@@ -265,8 +268,8 @@ def leg_torques(
     Args:
         bodies: Dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
-        wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre, base
-            frame, N·m.
+        wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
+            centre, base frame, N·m.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m; the torques are clipped to them.
 
     Returns:
@@ -285,11 +288,13 @@ def leg_torques(
 
 
 def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
-    """Return the joint accelerations that give the feet planned accelerations, (n, 12), rad/s².
+    """Return the joint accelerations that give the feet their planned accelerations, (n, 12), rad/s².
 
-    The solution is by damped least squares. `foot_acceleration`: planned accelerations of the feet, level frame, (n, 4,
-    3), m/s²; `trunk_acceleration`: acceleration of the trunk, (n, 6): linear, level frame, m/s², then angular, base
-    frame, rad/s².
+    For each leg, they are the damped least-squares solution q̈ of J q̈ = a - b. J is the Jacobian of the foot with
+    respect to the joints of the leg, and a the planned acceleration of the foot. b is the acceleration of the foot at
+    q̈ = 0. `foot_acceleration`: planned accelerations of the feet, level frame (yaw only), (n, 4, 3), m/s²;
+    `trunk_acceleration`: acceleration of the trunk, (n, 6): linear, level frame, m/s², then angular, base frame,
+    rad/s².
     """
     trunk_part = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
     jacobian = bodies.leg_jacobians

@@ -23,7 +23,9 @@ EXAMPLES = {
 }
 """Required field of a specification -> example of its value in TOML, for the comments in a draft."""
 WRITE_DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
+"""Remedy in the errors about incomplete specifications: the command that writes a draft."""
 HEADER = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
+"""First line of a draft, a TOML comment."""
 
 
 class IncompleteSpecError(PolicyError):

@@ -31,10 +31,13 @@ KEYS = {
 The first key that a file contains is used.
 """
 _NETWORK_KEYS = "policy_path", "model_name", "policy_name", "model_path", "onnx_path", "policy"
+"""Keys under which deployment scripts store the path of the network file."""
 _PERIOD_KEYS = ("simulation_dt", "control_decimation"), ("dt", "decimation"), ("sim_dt", "decimation")
 """Pairs of keys for the control period: simulation time step, s, and time steps per control step."""
 _SCALE_KEYS = "lin_vel_scale", "ang_vel_scale", "cmd_scale", "commands_scale", "dof_pos_scale", "dof_vel_scale"
+"""Keys under which deployment scripts store the scales of observation terms."""
 _BLIND = "angular_velocity, projected_gravity, command, joint_position, joint_velocity, previous_action"
+"""Names of the observation terms of a policy that observes neither linear velocity nor ground heights."""
 _TERMS_BY_WIDTH = {45: _BLIND, 47: f"{_BLIND}, gait_clock", 48: f"linear_velocity, {_BLIND}"}
 """Number of observed values in the scripts of unitree_rl_gym -> likely observation terms.
 

@@ -66,10 +66,11 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _known_robot_joints(robot: FileSettings) -> JointNames | None:
-    """Return the joint names of a robot in Isaac Lab's order, if the robot belongs to one of FAMILIES.
+    """Return the joint names of a known robot in Isaac Lab's order, or None if the robot is unknown.
 
-    The path of the robot's model must contain a word of the family. Each regular expression for joint names in the
-    settings must match a joint name of the family. Returns None if no family fits.
+    FAMILIES lists the known robots; a family is a group of robots with equal joint names. The path of the robot's model
+    must contain a word of a family, for example `go2`. Each regular expression for joint names in the settings must
+    match a joint name of this family.
     """
     spawn = robot.section("spawn").values
     path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()

@@ -41,12 +41,15 @@ TERM_NAMES = {
 }
 """Name of Isaac Lab's function for an observation term -> name of the term in this project."""
 _JOINT_TERMS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
+"""Names of the observation terms with the joint angles, velocities or torques."""
 _PERIOD_KEYS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
 """Name of the function of a gait clock -> key of the parameter with the clock's period, s."""
 ZERO_BELOW = 0.1
 """Norm of the velocity command below which the gait clock of newer unitree_rl_mjlab is (0, 0)."""
 _THRESHOLD_KEYS = "command_threshold", "zero_below"
-"""Keys of a gait clock's parameters; the value replaces the threshold ZERO_BELOW."""
+"""Keys of a gait clock's parameter for the command norm below which the clock is (0, 0).
+
+If the parameters of the clock have one of the keys, its value replaces ZERO_BELOW."""
 
 
 def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> SpecTerm:
@@ -55,7 +58,8 @@ def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = N
     Raises PolicyError if the function is unknown, or if the term has modifiers, which are not supported.
 
     Args:
-        function: Name of Isaac Lab's function that computes the term, one of TERM_NAMES.
+        function: Name of Isaac Lab's function that computes the term, for example `joint_pos_rel`. The keys of
+            TERM_NAMES are the known functions.
         settings: Settings of the term with the keys `params`, `clip`, `scale` and `history_length`.
         grid: Grid of the points of a height scan; None for other terms.
 

@@ -8,6 +8,7 @@ in Isaac Lab with PhysX are in breadth-first order, grouped by kind: hips, thigh
 from collections.abc import Iterable
 
 JointNames = tuple[str, ...]
+"""Joint names of a robot; their order is an order of its joints."""
 
 FAMILIES: dict[str, tuple[str, str]] = {
     "go1 go2 a1 b1 b2 aliengo unitree": ("FL FR RL RR", "hip_joint thigh_joint calf_joint"),
@@ -48,7 +49,17 @@ def names_by_kind(legs: str, kinds: str) -> JointNames:
 
 
 def isaac_gym_order(names: Iterable[str]) -> JointNames | None:
-    """Return joint names in the order of Isaac Gym; None if they are not the names of one of FAMILIES."""
+    """Return the joint names of a known robot in the order in which Isaac Gym has its joints.
+
+    The legs are in alphabetical order. The joints are grouped by leg, and each leg has its joints from the trunk to the
+    foot.
+
+    Args:
+        names: All joint names of the robot, in any order.
+
+    Returns:
+        The given names in the order of Isaac Gym; None if no known robot (FAMILIES) has exactly these joint names.
+    """
     name_set = set(names)
     orders = (names_by_leg(*family) for family in FAMILIES.values())
     return next((order for order in orders if set(order) == name_set), None)

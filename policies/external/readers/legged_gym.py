@@ -93,7 +93,7 @@ def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
 
 
 def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm, ...]:
-    """Return the observation terms in the code of legged_gym or HIMLoco, with the configured scales.
+    """Return the observation terms that legged_gym or HIMLoco computes, with the configured scales.
 
     Raises PolicyError if the number of values of these terms differs from the number in the configuration.
     """

@@ -26,6 +26,7 @@ MAX_DEPTH = 20
 MAX_COUNT = 1000
 """Maximum value of the numbers m and n in a repetition `{m,n}` of a regular expression."""
 SYNTAX = ". [...] (...|...) (?:...) (?=...) (?!...) * + ? {m,n} ^ $ \\w \\d \\s"
+"""Supported syntax of regular expressions, for error texts."""
 _CLASSES: dict[str, CharacterTest] = {
     "w": lambda character: character.isalnum() or character == "_",
     "d": str.isdecimal,

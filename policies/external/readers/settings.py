@@ -139,7 +139,7 @@ class FileSettings:
         return tuple(each for each in numbers if each is not None)
 
     def range(self, key: str) -> Range:
-        """Return the minimum and maximum that a key contains. Raises PolicyError for any other value."""
+        """Return the minimum and maximum under a key. Raises PolicyError if the value is not two numbers."""
         minimum, maximum = self.numbers(key, 2)
         return minimum, maximum
 

@@ -20,6 +20,7 @@ MAX_DIGITS = 100
 DECIMAL_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 """Pattern of a finite decimal number as text, such as `-1.5e3`."""
 _PYTHON_TAG = "tag:yaml.org,2002:python/"
+"""Start of the YAML tags of Python objects, such as tuples."""
 _INTEGER = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
 """Pattern of the integers of YAML 1.1 that the loader accepts: binary, octal, decimal and hexadecimal."""
 _FLOAT = re.compile(

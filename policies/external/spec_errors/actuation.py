@@ -75,7 +75,8 @@ def change_actions(spec: PolicySpec) -> Iterator[Correction]:
 def change_rate(spec: PolicySpec) -> Iterator[Correction]:
     """Yield candidate corrections of a policy's specification with another control rate.
 
-    The rates are RATES, half the specified rate, and twice the specified rate (at most the last rate of RATES).
+    The rates are the usual rates of policies (RATES), half the specified rate, and twice the specified rate, but at
+    most the largest usual rate.
     """
     rates = *RATES, 0.5 * spec.control_rate, min(2.0 * spec.control_rate, RATES[-1])
     for rate in dict.fromkeys(rates):

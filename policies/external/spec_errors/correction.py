@@ -22,7 +22,10 @@ CLOCK = "gait clock"
 GAINS = "servo gains"
 
 ORDERS = SIDES, ENDS, GROUPING
-"""Names of the errors that concern the order of the joints in a specification."""
+"""Names of the three errors that concern the order of the joints in a specification.
+
+Left and right legs are exchanged, fore and hind legs are exchanged, or joints by kind are given as joints by leg (or
+the opposite)."""
 COMMON_ERRORS = (
     *ORDERS,
     FRAMES,
@@ -67,7 +70,7 @@ class Correction:
     """
 
     error: str
-    """Name of the corrected error, one of COMMON_ERRORS; several names are joined by `and`."""
+    """Name of the corrected error, for example `control rate` (COMMON_ERRORS); `and` joins several names."""
     changed_setting: str
     """Changed setting in the corrected specification, a noun phrase such as `a control rate of 50 Hz`."""
     keys_to_correct: str

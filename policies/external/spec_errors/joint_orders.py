@@ -54,7 +54,8 @@ def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Corre
     Args:
         spec: Specification that may have an error.
         robot: Robot that the policy moves.
-        count: Number of errors of ORDERS that are corrected together.
+        count: Number of joint-order errors (ORDERS: left and right, fore and hind, by kind or by leg) that are
+            corrected together, 1 to 3.
 
     Yields:
         Corrections of the joint order.
@@ -76,7 +77,7 @@ def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correcti
     """Yield candidate corrections of a policy's specification with another joint order of the observation.
 
     The joint order of the actions is unchanged. The new order of the observation is the order of the actions, or the
-    specified order with one error of ORDERS corrected.
+    specified order in which one joint-order error (ORDERS) is corrected, for example left and right.
 
     Args:
         spec: Specification that may have an error.

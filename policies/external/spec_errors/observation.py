@@ -51,6 +51,7 @@ _OTHER_POSITION = {
     "joint_position": "absolute_joint_position",
     "absolute_joint_position": "joint_position",
 }
+"""Name of an observation term with joint angles -> the other term, with another zero of the angles."""
 
 
 def change_frames(spec: PolicySpec) -> Iterator[Correction]:
@@ -84,8 +85,8 @@ def change_scales(spec: PolicySpec) -> Iterator[Correction]:
     """Yield candidate corrections of a policy's specification with other scales of the observation terms.
 
     In each correction, one term has legged_gym's scale, the scale 1, or the specified scale multiplied or divided by
-    legged_gym's scale. In two more corrections, all terms in LEGGED_GYM_SCALES have legged_gym's scales, or all of them
-    have the scale 1.
+    legged_gym's scale. In two more corrections, all terms that legged_gym scales (LEGGED_GYM_SCALES) have legged_gym's
+    scales, or all of them have the scale 1.
     """
     for name, legged_gym_scale in LEGGED_GYM_SCALES.items():
         for term in spec.terms:
@@ -166,7 +167,7 @@ def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
 def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
     """Yield candidate corrections of a policy's specification with another order of the observation terms.
 
-    The terms are in an order of TERM_ORDERS, or two adjacent terms are swapped.
+    The terms are in the order of another project (TERM_ORDERS), or two adjacent terms are swapped.
     """
     terms = spec.terms
     orders = [_sort_terms(terms, names) for names in TERM_ORDERS]
