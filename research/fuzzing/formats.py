@@ -29,8 +29,8 @@ FORMATS: dict[str, tuple[Write, Read]] = {
 A mutated file is a valid file with random changes. The second function also checks that the content is plausible.
 """
 OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""Exceptions with which a reader of the project may refuse a faulty file.
+"""Exceptions that a function of this project may raise if it reads a faulty file.
 
-The fuzz test reports any other exception as a fault of the reader. `ModelError` is included, because it is a subclass
-of ValueError.
+The fuzz test reports any other exception as a fault of the function. `ModelError`, the error about faulty files of
+robots, is included, because it is a subclass of ValueError.
 """

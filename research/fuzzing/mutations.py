@@ -1,6 +1,6 @@
 """Functions that randomly change the content of a valid file: nested values, XML elements, or bytes.
 
-The changed files test the functions that read files.
+The fuzz test reads the changed files, to find faults in the functions that read users' files.
 """
 
 import copy
@@ -89,10 +89,10 @@ def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
 
 
 def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
-    """Return a copy of a tree of settings, in which random values or keys are changed, removed or moved.
+    """Return a copy of nested settings, in which random values or keys are changed, removed or repeated.
 
     Args:
-        tree: Nested dictionaries and lists with valid values.
+        tree: Settings: nested dictionaries and lists with valid values.
         rng: Random generator.
         count: Number of changes.
 
@@ -208,8 +208,8 @@ def _with_odd_number(text: str, rng: np.random.Generator) -> str:
         rng: Random generator.
 
     Returns:
-        The changed text. The number is multiplied by a random factor. A word that is not a number is replaced by one
-        of ODD_TEXTS.
+        The changed text. The number is multiplied by a random factor. A word that is not a number is replaced by an
+        unusual text, for example `nan` (see ODD_TEXTS).
     """
     words = text.split() or [""]
     index = int(rng.integers(len(words)))

@@ -1,7 +1,7 @@
-"""Functions that read the mutated files of the fuzz test, and check that their content is plausible.
+"""Functions that read the mutated files of the fuzz test, and check that the content is plausible.
 
 A mutated file is a valid file with random changes; it describes a robot, a policy or a terrain. Each function raises
-one of `formats.OWN_ERRORS` for a faulty file, and AbsurdError for implausible content.
+PolicyError, ValueError or OSError for a faulty file, and AbsurdError for implausible content.
 """
 
 from collections.abc import Callable
@@ -25,14 +25,15 @@ from quad_env.scenarios.terrain import HeightField
 Read = Callable[[Path], None]
 """Type of a function that takes the path of a file or folder, reads it, and checks its content.
 
-The function raises one of `formats.OWN_ERRORS` if the file is faulty, and AbsurdError if its robot, policy or terrain
-is implausible.
+The function raises PolicyError, ValueError or OSError if the file is faulty. It raises AbsurdError if the robot, policy
+or terrain in the file is implausible.
 """
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Smallest size of the observation history for which `read_spec` creates no observation adapter.
+"""Number of values in an observation history from which on `read_spec` makes no observation adapter.
 
-The adapter converts observations of this project to observations of the policy. The size is the number of values in an
-observation, multiplied by the longest history of an observation term, in control steps of the policy.
+The adapter converts observations of this project to observations of the policy. The number of values in a history is
+the number of values in an observation, multiplied by the longest history of an observation term, in control steps of
+the policy.
 """
 
 
@@ -41,10 +42,10 @@ class AbsurdError(AssertionError):
 
 
 def read_spec(file: Path) -> None:
-    """Read the specification of a policy and adapt it to SimpleQuad; raise AbsurdError if implausible.
+    """Read the specification of a policy, check its numbers, and adapt it to the robot SimpleQuad.
 
     The specification has the observations, the actions, the servo gains and the control rate of the policy. The
-    function does nothing if the file contains no specification.
+    function raises AbsurdError if these numbers are implausible. It does nothing if the file has no specification.
     """
     spec = readers.read(file)
     if spec is None:
@@ -66,7 +67,7 @@ def _check_spec(spec: PolicySpec) -> None:
 
 
 def read_onnx(file: Path) -> None:
-    """Read an ONNX file and call its network once; raise PolicyError if the call fails."""
+    """Read an ONNX file and call its network once, on zeros; raise PolicyError if the call fails."""
     readers.read(file)
     policy = onnx_file.load_onnx(PolicyReference(file), SIMPLE_QUAD)
     act: Any = policy()  # type: ignore[operator]
@@ -88,9 +89,10 @@ def read_bundle(folder: Path) -> None:
 
 
 def read_sb3(file: Path) -> None:
-    """Try to load a model of Stable-Baselines3 without the permission of the user (option --trust).
+    """Try to load a model of Stable-Baselines3, although the user has not given the option --trust.
 
-    Raises AbsurdError if the model is accepted, because its file can contain hidden code.
+    The option permits files that can contain hidden code. Raises AbsurdError if the model is accepted, because models
+    of Stable-Baselines3 need this permission.
     """
     resolve_reference(file, trust=False)
     raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")

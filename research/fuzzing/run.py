@@ -1,4 +1,4 @@
-"""Test of the readers of other people's files with faulty files: `python -m research fuzz FORMAT`.
+"""Fuzz test of the functions that read other people's files: `python -m research fuzz FORMAT`.
 
 FORMAT is a file format, or `all`. In each case, the command writes a valid file with a few random changes and reads it.
 The seed and the number of the case determine the changes, so that `--first N --cases 1` repeats case N.
@@ -50,9 +50,9 @@ POLL_PERIOD = 0.2
 REPORT_PERIOD = 10.0
 """Time between two printed lines about the progress, s."""
 READ = "read"
-"""Kind of the result of a case: the reader accepted the mutated file, and its content is plausible."""
+"""Kind of the result of a fuzz case: the mutated file was read, and its content is plausible."""
 REFUSED = "refused"
-"""Kind of the result of a case: the reader refused the mutated file with an error message of one line."""
+"""Kind of the result of a fuzz case: the mutated file was refused with a one-line error message."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,12 @@ class CaseResult:
     number: int
     """Number of the case, >= 0; the number and the seed determine the random changes of the file."""
     kind: str
-    """READ, REFUSED, or the name of a finding.
+    """`read` (plausible content), `refused` (error message of one line), or the name of a finding.
 
     The findings are `traceback` (exception of a library), `absurd` (implausible content), `not one line` (error message
     of several lines), `memory`, `hang` and `end of the process`."""
     detail: str = ""
-    """Details of a finding, for example a traceback; empty for READ and REFUSED."""
+    """Details of a finding, for example a traceback; empty if the case is no finding."""
 
 
 def main(options: FuzzOptions) -> int:
@@ -114,10 +114,10 @@ def main(options: FuzzOptions) -> int:
 
 
 def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
-    """Run the cases of one format, and print each new finding.
+    """Run the cases (mutated files) of one file format, and print each new finding.
 
     Args:
-        name: Name of the format.
+        name: Name of the file format.
         options: Options of the command.
         interrupt: Object that records Ctrl-C; no further case is run after Ctrl-C.
 
@@ -149,7 +149,7 @@ def _summarize(counts: Counter[str]) -> str:
 
 
 def _keep_files(name: str, options: FuzzOptions, number: int) -> None:
-    """Write the mutated files of a case into a subfolder of `options.keep`; do nothing if this is None."""
+    """Write the mutated files of a case into a subfolder of `options.keep`, if that is not None."""
     if options.keep is not None:
         folder = options.keep / f"{name}-{options.seed}-{number}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -164,12 +164,12 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
     """Run one case in this process: write a mutated file, read it, and classify the result.
 
     Args:
-        name: Name of the format.
+        name: Name of the file format.
         seed: Seed of the random changes.
-        number: Number of the case.
+        number: Number of the case, >= 0; the seed and this number determine the changes.
 
     Returns:
-        Result of the case.
+        Result of the case, for example `refused` or the name of a finding.
     """
     write, read = FORMATS[name]
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
@@ -215,10 +215,10 @@ def _peak_memory() -> int:
 
 
 def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
-    """Run cases in a subprocess, and yield the result of each case, from the case `options.first` on.
+    """Run cases of the file format `name` in a subprocess, and yield the result of each case.
 
-    The generator never ends. If the subprocess hangs or ends, the case is a finding, and a new subprocess continues
-    with the next case.
+    The first case has the number `options.first`. The generator never ends. If the subprocess hangs or ends during a
+    case, this case is a finding, and a new subprocess continues with the next case.
     """
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
@@ -246,7 +246,7 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
 
 
 def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
-    """Wait for the result of the case that the subprocess runs.
+    """Wait for the result of the case (mutated file to read) that the subprocess runs.
 
     The call raises EOFError if the subprocess has ended.
 
@@ -258,7 +258,7 @@ def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
         Result of the case.
 
     Raises:
-        TimeoutError: The case takes longer than HANG_TIME.
+        TimeoutError: The case takes longer than 10 s (HANG_TIME).
     """
     clock = RunClock(process.pid)
     while not parent_end.poll(POLL_PERIOD):
@@ -269,11 +269,11 @@ def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
 
 
 def _serve_cases(child_end: Connection, name: str, seed: int, number: int) -> None:
-    """Run cases and send their results; this is the main function of the subprocess.
+    """Run fuzz cases without end and send their results; this is the main function of the subprocess.
 
     Args:
         child_end: Connection to the parent process.
-        name: Name of the format.
+        name: Name of the file format.
         seed: Seed of the random changes.
         number: Number of the first case.
     """

@@ -1,4 +1,4 @@
-"""Valid contents of settings files, as dictionaries and lists; the fuzz test changes them at random."""
+"""Constants with valid contents of settings files, which the fuzz test of the file readers changes."""
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _KINDS = ("hip_joint", "thigh_joint", "calf_joint")
@@ -7,7 +7,7 @@ JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
 
 
 def joint_ramp(factor: float) -> list[float]:
-    """Return twelve different values, one per joint, from `factor` in steps of `factor` / 16."""
+    """Return twelve different values, one per joint, from `factor` up in steps of `factor` / 16."""
     return [factor * (1.0 + number / 16) for number in range(12)]
 
 

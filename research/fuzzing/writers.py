@@ -24,22 +24,23 @@ Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
 """Type of a function that writes a mutated file (valid file with random changes).
 
-It takes an empty folder and a random generator, and returns the path of the file.
+The function takes an empty folder and a random generator, and returns the path of the written file.
 """
 BYTES_SHARE = 0.2
-"""Probability that a writer changes random bytes of the file.
+"""Probability that the writer of a mutated file changes random bytes of the file.
 
-Most writers otherwise change values of the content. The writers of ONNX files always change values as well.
+A writer is a function that writes a valid file with random changes. Most writers change values of the file's content
+if they do not change bytes. The functions `write_onnx` and `write_mjlab` always change values of the content.
 """
 METADATA_BYTES_SHARE = 0.5
-"""Probability that random bytes of one metadata text are changed in an ONNX file.
+"""Probability that `write_mjlab` changes random bytes in one metadata text of an ONNX file.
 
-The metadata are as of the training framework mjlab.
+The metadata describe a policy, as the training framework mjlab writes them.
 """
 ARRAY_SHARE = 0.4
-"""Probability that random bytes are changed in the header of a terrain's file with heights (.npy)."""
+"""Probability that random bytes change in the header of the NumPy file with the heights of a terrain."""
 MAX_METADATA = 5000
-"""Number of characters after which a metadata text is cut before it is written into an ONNX file."""
+"""Maximum length of a metadata text in a written ONNX file, characters; a longer text is cut."""
 _NPY_HEADER = 128
 """Size of the header of a NumPy file (.npy), bytes."""
 _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "NoSuch", "Reshape", "Tile", "Exp")
@@ -52,7 +53,7 @@ def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx")
     Args:
         tree: Valid content of the settings file.
         name: Path of the settings file relative to the folder; the suffix determines the format.
-        network: Path of the network file relative to the folder.
+        network: Path relative to the folder of an empty file, which replaces the file of the policy's neural network.
 
     Returns:
         Function that writes the files into a folder and returns the path of the settings file.
@@ -96,7 +97,7 @@ def xml_writer(source: Path, name: str) -> Write:
 
 
 def write_rl_sar(folder: Path, rng: Rng) -> Path:
-    """Write the files `config.yaml` and `base.yaml` of the software rl_sar, one with random changes.
+    """Write `config.yaml` and `base.yaml` of the deployment software rl_sar, one with random changes.
 
     Args:
         folder: Empty folder.
@@ -117,7 +118,7 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def write_mjlab(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with metadata as of the training framework mjlab, changed at random.
+    """Write an ONNX file with metadata of the training framework mjlab that are changed at random.
 
     Args:
         folder: Empty folder.
@@ -151,9 +152,9 @@ def write_onnx(folder: Path, rng: Rng) -> Path:
 
 
 def _write_content(content: bytes, file: Path, rng: Rng) -> Path:
-    """Write `content` into `file` and return `file`; change random bytes with probability BYTES_SHARE.
+    """Write `content` into `file`, in some cases with random changes of its bytes, and return `file`.
 
-    `rng` is the random generator.
+    The probability of these changes is BYTES_SHARE. `rng` is the random generator.
     """
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < BYTES_SHARE else content)
     return file
@@ -212,7 +213,7 @@ def _has_shape(graph: Any) -> bool:
 
 
 def write_bundle(folder: Path, rng: Rng) -> Path:
-    """Copy the folder of the shipped policy `residual`, and make random changes in one of the files.
+    """Copy the folder of the shipped policy `residual`, and make random changes in one copied file.
 
     Args:
         folder: Empty folder.
@@ -270,7 +271,7 @@ def write_terrain(folder: Path, rng: Rng) -> Path:
 
 
 def _change_count(rng: Rng) -> int:
-    """Draw the number of random changes of a file: 1 (probability one half), 2 or 4."""
+    """Draw the number of random changes of a file: 1 (probability 1/2), 2 (1/4) or 4 (1/4)."""
     return int(rng.choice([1, 1, 2, 4]))
 
 
@@ -284,7 +285,7 @@ def _to_text(tree: Any, suffix: str) -> bytes:
 
 
 def _to_toml(value: Any) -> str:
-    """Format a value as TOML text, also if it is infinite or NaN; None becomes an empty text."""
+    """Format a value as TOML text; NaN and infinity are allowed, and None becomes an empty text."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{json.dumps(str(key))} = {_to_toml(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list):

@@ -1,6 +1,6 @@
 """Generated blocks of Markdown pages: the lines between `<!-- NAME -->` and `<!-- /NAME -->`.
 
-A study replaces the lines of its block when it is run again; the text outside of the block stays unchanged.
+The functions replace the lines of a block by new results; the text outside of the block stays unchanged.
 """
 
 from pathlib import Path

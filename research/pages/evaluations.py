@@ -94,7 +94,8 @@ def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
 
     Args:
         results: Content of results.json.
-        kind: Key of the scores in results.json, one of KINDS.
+        kind: Key of the scores in results.json: `scores` for the scenarios without the robot's hardware profile (models
+            of its real motors, delays and sensors), `hardware_scores` for the scenarios with it.
 
     Returns:
         One score per policy; empty if the evaluation has no scores of this kind.

@@ -44,7 +44,7 @@ class LeaderboardOptions:
     trust: Flag = False
     """Load policies from files that can contain hidden code."""
     reference: str | None = None
-    """Policy with which all policies are compared; by default our policy with the highest mean success."""
+    """Policy with which all policies are compared; by default this project's policy with the highest mean success."""
     scenarios: tuple[str, ...] = SCENARIOS
     """Names of the scenarios, as for `python -m evaluate`."""
     episodes: int = 24
@@ -167,7 +167,7 @@ def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None
         reference: Name of the reference policy. None for the policy in `ours` with the highest mean success.
 
     Returns:
-        Results of all policies, in the form of a single evaluation.
+        Results of all policies, as if a single evaluation had all of them.
     """
     first = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]

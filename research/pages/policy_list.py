@@ -128,7 +128,7 @@ def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fet
         fetch: True to download missing files. False to print their URLs on stderr and raise UsageError.
 
     Returns:
-        Name of a policy -> reference to it, as in the option `--policies` of `python -m evaluate`.
+        Name of a policy -> name or file of the policy, as in the option `--policies` of `python -m evaluate`.
 
     Raises:
         UsageError: A file is missing or has another hash.

@@ -21,7 +21,7 @@ from quad_env.cli.format import number
 from research.pages import markdown
 
 MAX_EPISODES = 96
-"""Maximum number of episodes of a simulated evaluation."""
+"""Maximum number of episodes on each scenario in a simulated evaluation with `--until settled`."""
 VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
 """Source of the variance of an episode's outcome -> fraction of the variance; the sum is 1.
 
@@ -35,10 +35,10 @@ The success rates of this policy on the other scenarios are evenly spaced down t
 HARDEST_SUCCESS = 0.05
 """True success rate of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of the evaluations of fixed size.
+"""Numbers of episodes of the simulated evaluations of fixed size.
 
-Evaluations with `--until settled` are compared with them. An evaluation of fixed size has a number of episodes that is
-chosen beforehand. It compares the policies only once.
+An evaluation of fixed size has a number of episodes that is chosen beforehand, and compares the policies only once.
+Evaluations with `--until settled` are compared with evaluations of fixed size.
 """
 
 
@@ -101,7 +101,8 @@ BATTERIES = tuple(
 )
 """Batteries (sets of scenarios with synthetic policies): 2 or 6 policies on 4, 12 or 51 scenarios.
 
-The policies have equal scores, or scores that are 5 percentage points apart.
+The two policies have equal scores, or scores that are 5 percentage points apart. The six policies have equal scores,
+or are three pairs of equal policies with scores that are 5 percentage points apart.
 """
 
 

@@ -1,8 +1,9 @@
 """Synthetic episodes with known fall probability and mean error, to calibrate intervals and tests.
 
 A policy falls with a given probability. The velocity error of an episode without a fall has the distribution
-Gamma(6) · 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of the episode is
-then t times the error above plus (1 - t) times the error after a fall, 2 m/s. The resulting distribution is skewed and
+Gamma(6) · 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of an
+episode with a fall is t times a random error of this gamma distribution, plus (1 - t) times the error after a fall,
+2 m/s. The resulting distribution is skewed and
 has two modes.
 """
 
@@ -21,7 +22,9 @@ TRACKING_SCALE = 0.05
 EARLIEST_FALL = 0.1
 """Earliest time of a fall, as a fraction of the episode's duration."""
 SHARED_VARIANCE = 0.5
-"""Fraction of an outcome's variance that is common to all policies in the same episode, 0 to 1."""
+"""Fraction of the variance of an outcome that is common to all policies in the same episode, 0 to 1.
+
+The outcome is the fall or the velocity error of an episode."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Validation of the rules that find the cause of a failed episode: `python -m research causes`.
 
 By default, the rules are applied to episodes that were made to fail for a known cause. `--films FOLDER` draws images of
-failed episodes from an evaluation, so that a person can judge the causes. It writes the causes by the rules to the file
-key.csv next to the folder, so that the person does not see them. `--reading FILE` compares the causes by the person, in
-FILE, with the causes by the rules.
+failed episodes from an evaluation, so that a person can judge the causes. The causes that the rules find are written to
+key.csv next to the folder, so that the person does not see them. `--reading FILE` compares the causes that the person
+has written into FILE with the causes that the rules find.
 """
 
 import csv
@@ -42,7 +42,7 @@ class CausesOptions:
     table: Path = Path("docs/results/causes.csv")
     """CSV file for the causes that the rules find in episodes that were made to fail for a known cause."""
     page: Path = Path("docs/causes.md")
-    """Markdown page to update: correctness of the rules, thresholds of the rules, and a person's judgement."""
+    """Markdown page to update with correctness and thresholds of the rules, and a person's judgement."""
     films: Path | None = None
     """Folder for images of failed episodes, which a person judges; nothing else except `key.csv` is written."""
     run: Path = Path("results/evaluation")
@@ -86,7 +86,7 @@ def count_causes() -> Iterator[dict[str, Any]]:
     """Simulate episodes that fail for a known cause, and count the causes that the rules find.
 
     Yields:
-        Row of the table for one known cause: name of the column -> value. Among the columns is, for each cause, the
+        Row of the table for one known cause: name of the column -> value. The row has a column for each cause, with the
         number of episodes for which the rules find this cause.
     """
     for made_for in CAUSES:

@@ -65,7 +65,7 @@ ROBOTS = ("simple_quad", "go1", "go2")
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
 """Time windows in which errors are averaged: (start, end), control steps of 10 ms.
 
-Both are counted from the start of a push; a negative number is before the push.
+Start and end of a window are counted from the start of a push; a negative number is before the push.
 """
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 """Name of an option -> smallest and largest valid value."""
@@ -109,7 +109,7 @@ class EstimationErrors(NamedTuple):
 
     Base frame, (steps, episodes, 3), m/s."""
     observed_velocity: Floats
-    """Error of the trunk velocity in the observation, compared with the true one at the time of the action.
+    """Error of the trunk velocity in the observation: true velocity at the time of the action minus it.
 
     Base frame, (steps, episodes, 3), m/s."""
     nees: Floats
@@ -149,7 +149,12 @@ def main(options: EstimationOptions) -> int:
 
 
 def walk_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of the Markdown table of errors on walks, one row per scenario and estimator."""
+    """Yield the lines of the Markdown table of estimation errors on undisturbed walks.
+
+    A row is about one scenario and one estimator. The columns are root-mean-square errors of the velocity, m/s, and of
+    roll and pitch, °, and the NEES. NEES is the normalised estimation error squared, which measures the consistency of
+    the estimator's covariance. `options` has the policy, the sensors and the seeds.
+    """
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
@@ -164,7 +169,7 @@ def walk_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
-    """Format the errors of one estimator as the cells of a row in `walk_table`, one text per column."""
+    """Format the errors of one estimator on one scenario as cells of a row in `walk_table`."""
     roll = np.degrees(rms(errors.tilt[..., :1]))
     pitch = np.degrees(rms(errors.tilt[..., 1:]))
     velocities = (rms(errors.velocity), rms(errors.observed_velocity), rms(errors.observed_velocity[..., :2]))
@@ -192,10 +197,13 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 
 
 def push_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of the Markdown table of velocity errors after pushes.
+    """Yield the lines of the Markdown table of errors of the trunk velocity before and after pushes.
 
-    There is one row per robot and estimator, and one column per time window. Each cell has two errors, m/s: the error
-    of the estimate at the time of the sensor readings, and the error of the velocity in the observation.
+    A row is about one robot and one state estimator. A column is about one time window, for example 0.1 to 0.2 s after
+    the start of a push. Each cell has two root-mean-square errors, m/s. The first is the error of the estimated
+    velocity at the time at which the sensor readings were measured. The second is the error of the velocity in the
+    observation at the time of the action, which is later if the sensors have a delay. `options` has the policy, the
+    seeds and the number of episodes.
     """
     before, *after = WINDOWS
     times = [f"{-before[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in after)]
@@ -214,7 +222,7 @@ def push_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
-    """Format the errors of one estimator as the cells of a row in `push_table`, one text per time window."""
+    """Format the velocity errors of one estimator as cells of `push_table`, one text per time window."""
     errors = observer.errors(observer.falls.step)
     at_readings = error_after_push(errors.velocity, observer.pushes)
     in_observation = error_after_push(errors.observed_velocity, observer.pushes)
@@ -283,14 +291,18 @@ def _observe_walks(
 
 
 def rms(vectors: Floats) -> float:
-    """Return the root mean square of the lengths of vectors, (…, k); vectors with NaN are ignored."""
+    """Return the root mean square of the lengths of vectors; vectors with a NaN component are ignored.
+
+    `vectors` is an array (…, k) of vectors with k components.
+    """
     return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
 
 
 def nees_bounds(runs: int) -> tuple[float, float]:
     """Return the bounds within which the mean NEES over `runs` episodes lies with 95 % probability.
 
-    The bounds hold for an estimator with a correct covariance; they are quantiles of the χ² distribution.
+    NEES is the normalised estimation error squared of a state estimator. The bounds hold for an estimator with a
+    correct covariance; they are quantiles of the χ² distribution.
     """
     from scipy.stats import chi2
 
@@ -299,7 +311,7 @@ def nees_bounds(runs: int) -> tuple[float, float]:
 
 
 def consistency(nees: Floats) -> tuple[str, str]:
-    """Describe the consistency of an estimator's covariance by its NEES.
+    """Describe how well an estimator's covariance fits the errors, by the NEES.
 
     Args:
         nees: Normalised estimation error squared of n episodes, (steps, n); NaN if the estimator has no covariance.

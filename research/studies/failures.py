@@ -73,7 +73,7 @@ class FailureCase:
     """Definition of six episodes that are made to fail for a known cause."""
 
     cause: str
-    """Name of the true cause of the failures, one of `evaluate.causes.rules.CAUSES`."""
+    """Name of the true cause of the failures, for example `slip`, as in `evaluate.causes.rules.CAUSES`."""
     policy: Callable[[], Policy]
     """Function without arguments that creates the policy."""
     scenario: Scenario
@@ -105,13 +105,19 @@ class FailureCase:
 
 
 def _make_policy(name: str, **altered: Any) -> Callable[[], Policy]:
-    """Return a function that makes the policy `name`; `altered` are arguments of PerturbedPolicy, if any."""
+    """Return a function that makes the policy `name`, in a PerturbedPolicy if there are arguments for it.
+
+    `altered` are the arguments of PerturbedPolicy except the policy: name -> value.
+    """
     make = partial(policies.make, name, servo="own")
     return lambda: PerturbedPolicy(make(), **altered) if altered else make()
 
 
 def _make_trot(**parameters: float) -> Callable[[], Policy]:
-    """Return a function that makes an open-loop trot, in which the given `parameters` are changed."""
+    """Return a function that makes an open-loop trot with changed gait parameters.
+
+    `parameters` are the changed gait parameters: name -> value.
+    """
     return lambda: Trot(replace(searched_parameters(), **parameters))
 
 
@@ -133,8 +139,8 @@ def _toppling(actions: Actions, observation: Rows) -> Actions:
             gravity, base frame.
 
     Returns:
-        Changed joint targets, (n, 12), rad: a feedback with the wrong sign from the direction of gravity to the
-        abduction and hip joints is added.
+        Changed joint targets, (n, 12), rad. The abduction targets change by -6 rad times the y component of gravity,
+        and the hip targets by -6 rad times the x component. These changes increase the lean of the trunk.
     """
     lean = -6.0 * observation[:, [1, 0, 0]] * (1.0, 1.0, 0.0)
     return actions + np.tile(lean, 4).astype(np.float32)

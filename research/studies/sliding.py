@@ -84,7 +84,7 @@ SETTINGS = {
     "noslip 20": ContactSetting({"noslip_iterations": 20}),
     "time constant 0.02 s": ContactSetting(solref=(0.02, 1.0)),
     "damping ratio 0.5": ContactSetting(solref=(0.01, 0.5)),
-    # The stiffness in the next setting, 11080, is the default one.
+    # The stiffness in the next setting, 11080 1/s², is the stiffness of the default contact parameters.
     "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),
     "exact Coulomb friction": ContactSetting(_NEWTON, exact=True),
     "friction 0.6": ContactSetting(friction=0.6),

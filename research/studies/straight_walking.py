@@ -119,13 +119,13 @@ def evaluate_rows(
 
     Args:
         options: Options of the command.
-        hardware: Robot and hardware settings.
-        walks: Scenarios of the walks.
+        hardware: Robot, servo gains, and models of motors and sensors.
+        walks: Scenarios in which a robot walks straight ahead.
         compared: Policies to evaluate.
 
     Returns:
-        Row for each walk and policy: name of the column -> value. The columns are the fields of
-        `evaluate.analysis.summary.Summary`, and the bounds of their 95 % intervals.
+        Row for each walk and policy: name of the column -> value. The columns are ground, speed, policy, the results in
+        `evaluate.analysis.summary.Summary`, for example the success rate, and the bounds of their 95 % intervals.
     """
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)

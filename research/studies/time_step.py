@@ -34,7 +34,8 @@ The first is the default time step, with which all other results of the project 
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
 """Names of the effort and error measures that are averaged over the episodes.
 
-The cost of transport is not among them, because it is computed from the energy and distance of all episodes together.
+The cost of transport is not among these measures, because it is computed from the energy and distance of all
+episodes together.
 """
 
 

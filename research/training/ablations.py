@@ -1,9 +1,9 @@
 """Ablation study of the training: `python -m research ablations` measures the effect of each choice.
 
 The results are written to docs/results/ablations.csv and .png. Every variant of the training changes one choice of the
-default command, which its name describes. All variants train for the same number of steps with the same seeds. Success
-is the success rate in the last validation, on episodes and ground that no evaluation uses. The command can be stopped
-and repeated: finished runs in --out are kept.
+default command; the name of the variant describes this choice. All variants train for the same number of steps with the
+same seeds. Success is the success rate in the last validation, on episodes and ground that no evaluation uses. The
+command can be stopped and repeated: finished runs in --out are kept.
 """
 
 import json
@@ -54,7 +54,7 @@ VARIANTS: Mapping[str, str] = {
 }
 """Name of a variant of the training -> command-line options that it adds to the default command."""
 VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
-"""Scenarios on which all variants are validated: the training scenarios of the default command."""
+"""Scenarios for the validation of all variants: the training scenarios of the variant `default`."""
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,9 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
         variants: Name of a variant -> results from `read_results` for each seed.
 
     Returns:
-        Rows: name of the column -> value. A row has the success rate of each seed, %, and its median over the seeds. It
-        also has the mean success rate minus the mean success rate of the default variant, percentage points.
+        Rows: name of the column -> value. A row has the success rate of each seed, %, and its median over the seeds.
+        Except for the default variant, a row also has the mean success rate minus the mean success rate of the default
+        variant, percentage points.
     """
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     rows = []
@@ -202,7 +203,7 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
 
     Returns:
         Name of the column -> value, percentage points: the difference, and the bounds `low` and `high` of its 95 %
-        interval. The bounds are missing if each variant has equal values with all seeds.
+        interval. The bounds are missing if the success rate of each variant is the same with all seeds.
     """
     from scipy.stats import ttest_ind
 

@@ -114,11 +114,11 @@ class SeedBand:
         return reduce(np.intersect1d, [run.steps for run in self.runs])
 
     def over_seeds(self) -> tuple[Floats, Floats, Floats]:
-        """Compute mean, minimum and maximum over the seeds, at the numbers of steps in `steps`.
+        """Compute mean, minimum and maximum over the seeds, at the common validations of all training runs.
 
         Returns:
-            Three arrays, mean, minimum and maximum, each (2, k) for k numbers of steps. The first row is the success
-            rate, 0 to 1; the second row is the cost of transport.
+            Three arrays, mean, minimum and maximum, each (2, k) for the k numbers of training steps in `steps`. The
+            first row is the success rate, 0 to 1; the second row is the cost of transport.
         """
         figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
         return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)
@@ -131,7 +131,7 @@ def read_curve(folder: Path) -> RunCurve:
         folder: Folder of the training run.
 
     Returns:
-        The learning curve; it is empty if the run has no validation yet.
+        The learning curve; its arrays are empty if the training run has no validation yet.
 
     Raises:
         UsageError: The folder contains no training run, or the file of the validations is damaged.

@@ -32,7 +32,7 @@ class TrainedRun:
     """Finished training run, with the facts about it that the model card states."""
 
     label: str
-    """Folder of the training run as text, which is the name of its policy in the evaluation."""
+    """Path of the training run's folder; the evaluation uses this text as the name of the policy."""
     config: TrainConfig
     """All training settings of the run, for example base policy, scenarios and PPO parameters."""
     minutes: float
@@ -42,9 +42,9 @@ class TrainedRun:
     bundle: Path
     """Folder with the policy of the best validation: the files policy.json and policy.safetensors."""
     command_then: str | None = None
-    """Training command with the option names of the version `git_revision`.
+    """Training command with the option names of the version `git_revision`, which trained the policy.
 
-    None if the command of this version is the same."""
+    None if the command has the same option names in the present version."""
 
     @property
     def baseline(self) -> str:
@@ -140,7 +140,7 @@ def describe_mixture(config: TrainConfig) -> str:
 def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """Create the results table of one kind of policy and the baseline, with one row per scenario.
 
-    A kind of policy is `residual` or `end-to-end`.
+    A kind of policy is `residual` (it corrects a base policy with a gait) or `end-to-end` (its base only holds a pose).
 
     Args:
         display_name: Name of the policy in the table.
@@ -214,7 +214,7 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
 
 
 def _figure(summary: Summary, metric: str) -> str:
-    """Format the value of a metric of one policy on one scenario; for the fall rate, the number of falls."""
+    """Format a metric's value of one policy on one scenario; the fall rate is shown as number of falls."""
     return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
@@ -272,10 +272,11 @@ def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign:
         shipped: Training run of the shipped policy.
         results: Results of the evaluation of all training runs and of the baseline.
         metric: Name of the compared metric.
-        sign: Sign of the difference, policy minus baseline, of the listed scenarios: 1 or -1.
+        sign: 1 to list scenarios on which the shipped policy has the larger value of the metric, -1 to list scenarios
+            on which the baseline has the larger value.
 
     Returns:
-        Text with the names and the number of the scenarios.
+        Text with the names of the listed scenarios and their number.
     """
     names = []
     for scenario in results.scenarios:

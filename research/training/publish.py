@@ -66,7 +66,7 @@ class PublishOptions:
     policy: str = "residual"
     """Kind of the policy that is shipped: residual or end-to-end."""
     scenarios: tuple[str, ...] | None = None
-    """Scenarios of the evaluation; by default every disturbance axis where robots begin to fail."""
+    """Scenarios of the evaluation; by default each disturbance, where robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
     """Number of episodes of each policy on each scenario."""
     seed: int = parameter(0, limits=(0, 2**63 - 1))
@@ -125,7 +125,7 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
     Returns:
         Results of all policies and of the baseline.
     """
-    # Imported here, so that --help and errors in the options are printed at once.
+    # These modules take long to import. They are imported here, so that --help does not wait for them.
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analyse_run
 
@@ -185,10 +185,10 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Training settings in the files of older shipped policies that this version does not have.
+"""Training settings that only older versions of this project have, as in the files of older policies.
 
-The keys are the group of the setting (empty for settings without a group) and the name of the setting. The value is the
-allowed value: a setting with this value is ignored. None allows every value."""
+Group of settings (empty for settings without a group) -> name of the setting -> allowed value. `migrate_settings`
+ignores a setting that has the allowed value, and refuses any other value. None allows every value."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
 """Training settings that older versions did not have: name -> value for policies of older versions.
 
@@ -205,7 +205,7 @@ def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
         Training settings of this version: name -> value.
 
     Raises:
-        ValueError: A setting that this version does not have has a value that is not allowed.
+        ValueError: A setting was removed from this version, and its value is not the allowed value.
     """
     migrated = {**_ADDED_SETTINGS, **settings}
     migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}
@@ -262,7 +262,7 @@ def _load_shipped(folder: Path) -> TrainedRun:
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
-    """Select the run with the policy that is shipped (included in the project): the seed SHIPPED_SEED.
+    """Select the run with the policy that is shipped (included in the project): its seed is 0.
 
     Args:
         runs: Finished training runs.
@@ -272,8 +272,8 @@ def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
         The selected training run.
 
     Raises:
-        UsageError: No run of this kind of policy has SHIPPED_SEED, two runs have the same seed, or runs of this kind
-            differ in more than their seed.
+        UsageError: No run of this kind of policy has the seed 0 (SHIPPED_SEED), two runs have the same
+            seed, or runs of this kind differ in more than their seed.
     """
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]

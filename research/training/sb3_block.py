@@ -161,7 +161,7 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict[str, float]]:
-    """Evaluate a policy on evaluation episodes of each scenario, which training does not use.
+    """Evaluate a policy on each scenario in SCENARIOS, in episodes that training does not use.
 
     Args:
         policy: Name of a policy, or path of a model.
@@ -187,7 +187,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
     """Return the lines of Markdown with the results of all trained models and of the standing robot.
 
-    `record` is the content of the JSON file that this command writes.
+    `record` is the content of the JSON file that the command `sb3-block` writes.
     """
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
@@ -217,9 +217,9 @@ def _row(
 
     Args:
         name: Text of the first column: the seed, or a description of the policy.
-        minutes: Text of the column with the processor time.
+        minutes: Text of the column with the processor time of the training, min.
         scenarios: Results of the policy from `evaluate`.
-        record: Content of the JSON file that this command writes.
+        record: Content of the JSON file that the command `sb3-block` writes.
 
     Returns:
         Name of the column -> text of the cell.
@@ -251,7 +251,7 @@ def lowest_success(record: Mapping[str, Any], name: str) -> float:
     """Return the lowest success rate of the trained models on the scenario `name`, 0 to 1.
 
     Args:
-        record: Content of the JSON file that this command writes, with one model for each training seed.
+        record: Content of the JSON file that the command `sb3-block` writes, with one model for each training seed.
         name: Name of the scenario.
 
     Returns:

@@ -1,7 +1,7 @@
 """Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them.
 
-The description is the file `policy.json` in the folder of the policy. Its digest is the SHA-256 hash of its content,
-which older files do not have. `policies.load` refuses a file with a digest if its content was changed later.
+The description is the file `policy.json` in the folder of the policy. The digest is the SHA-256 hash of the file's
+content; older files have no digest. `policies.load` refuses a file with a digest if its content was changed later.
 """
 
 import json
@@ -41,7 +41,7 @@ def main(options: SealOptions) -> int:
 
 
 def seal(folder: Path) -> str:
-    """Add the digest (hash) of its content to the description of a trained policy, the file policy.json.
+    """Add a digest to policy.json, the description of a trained policy: the SHA-256 hash of the content.
 
     Args:
         folder: Folder of the trained policy.

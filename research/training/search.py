@@ -47,7 +47,9 @@ EXERCISES = (
 For other robots, the severities are scaled to the size of the robot.
 The severities range from mild ones, at which a trot succeeds, to hard ones, at which a trot rarely succeeds."""
 SIGNIFICANT = 0.05
-"""Significance level: new parameters are adopted only if the p-value of the test is not larger."""
+"""Significance level of the sign-flip test in `adoption_decision`, which compares the mean costs.
+
+New parameters are adopted only if the p-value of the test is not larger."""
 ADOPTED = "The outcome is adopted."
 """Sentence in the report of a search if the new parameters replace the present parameters."""
 KEPT = "Those in force are kept: the outcome is not better."
@@ -56,7 +58,7 @@ KEPT = "Those in force are kept: the outcome is not better."
 
 @dataclass(frozen=True)
 class SearchTarget:
-    """Policy with parameters that this command can optimise."""
+    """Policy with parameters that the command `search` can optimise: parameter file and search bounds."""
 
     file: ParameterFile[Any]
     """File with the parameters of the policy."""
