@@ -333,7 +333,7 @@ def check(config: TrainConfig) -> None:
         hardware.check_hardware(config.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from None
-    _check_mixture(config)
+    check_mixture(config.mixture, config.hardware.robot_model)
     if config.device == "cuda":
         _check_warp(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.robot_model)
@@ -370,10 +370,18 @@ def _check_extension_rewards(config: TrainConfig) -> None:
         raise UsageError(f"--extension-rewards: weights are from {-MAX_REWARD_WEIGHT:g} to {MAX_REWARD_WEIGHT:g}")
 
 
-def _check_mixture(config: TrainConfig) -> None:
-    """Raise UsageError if a scenario or its share of the robots in --mixture is not valid."""
-    shares = [share for _, share in config.mixture]
-    check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
+def check_mixture(mixture: Sequence[tuple[str, float]], robot: Robot) -> None:
+    """Check the scenarios of a training and their shares of the robots.
+
+    Args:
+        mixture: Value of --mixture: name and share of each scenario.
+        robot: Robot of the training, which must support the scenarios.
+
+    Raises:
+        UsageError: A scenario does not exist or is repeated, a share is negative or too large, or all shares are zero.
+    """
+    shares = [share for _, share in mixture]
+    check_scenarios("--mixture", [name for name, _ in mixture], robot)
     if not all(0 <= share <= MAX_SHARE for share in shares):
         raise UsageError(f"--mixture needs shares that are not negative and at most {MAX_SHARE:g}, as in: flat 0.5")
     # The shares are divided by their sum. The bound 1e-6 keeps the quotients finite; meaningful shares are larger.

@@ -11,7 +11,7 @@ from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers
-from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, MAX_SHARE, ValidationConfig, check_scenarios
+from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, ValidationConfig, check_mixture, check_scenarios
 
 MIXTURE = (
     ("flat:2", 0.10), ("steady", 0.03), ("flat:3", 0.04), ("push:2", 0.06), ("push:3", 0.06), ("push:4", 0.05),
@@ -165,8 +165,5 @@ def check(config: DistillationConfig) -> None:
     except ValueError as error:
         raise UsageError(str(error)) from None
     robot = config.hardware.robot_model
-    check_scenarios("--mixture", [name for name, _ in config.mixture], robot)
+    check_mixture(config.mixture, robot)
     check_scenarios("--validation.scenarios", config.validation.scenarios, robot)
-    shares = [share for _, share in config.mixture]
-    if not all(0 <= share <= MAX_SHARE for share in shares) or sum(shares) < 1e-6:
-        raise UsageError(f"--mixture needs shares from 0 to {MAX_SHARE:g}, at least one above 0, as in: flat 0.5")

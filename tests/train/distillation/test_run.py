@@ -121,7 +121,7 @@ def test_a_finished_run_cannot_be_continued(finished, capsys):
     [
         ("--teacher trott", "no policy 'trott'"),
         ("--teacher trot --teacher-share 1.5", "--teacher-share must be from 0.0 to 1.0"),
-        ("--teacher trot --mixture flat 0", "at least one above 0"),
+        ("--teacher trot --mixture flat 0", "at least one share must be above zero"),
         ("--teacher trot --mixture flet 1", "flet"),
         ("--teacher trot --robot go9", "go9"),
         ("--teacher trot --drive-time 2 1", "shortest time, 2 s"),
