@@ -15,8 +15,7 @@ NO_BREAK = "\u00a0"
 SIGNIFICANT_DIGITS = 10
 """Number of significant digits to which `number` rounds a float before it rounds to decimals.
 
-The first rounding removes the floating-point error. Otherwise, a half such as 28.5 would be rounded down if its float
-is slightly smaller.
+The first rounding removes the floating-point error, because of which some halves would be rounded down.
 """
 _WIDE = Context(prec=400)
 """Decimal context with 400 digits, which are enough to write the largest float with decimals."""
