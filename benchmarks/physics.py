@@ -35,7 +35,7 @@ class PhysicsBenchmarkOptions(MeasurementOptions):
     """Options of the comparison of physics settings, for example solvers, contacts and time steps."""
 
     rounds: int = 9
-    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
+    """Number of measurement rounds; results are medians over the rounds, with quartiles in brackets."""
     settings: tuple[str, ...] = tuple(SETTINGS)
     """Names of the physics settings; `shipped` and `first settings` are always measured too."""
     envs: int = 64
@@ -142,8 +142,8 @@ def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options
         options: Options of the command.
 
     Returns:
-        The table. Its columns are the duration of a physics step, µs, the speed relative to ORIGINAL_SETTINGS, and
-        `yes` if the setting is accurate.
+        The table. Its columns are the duration of a physics step, µs, the speed relative to the first physics setting
+        of the project (ORIGINAL_SETTINGS), and `yes` if the setting is accurate.
     """
     rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",

@@ -43,7 +43,7 @@ class RecordingBenchmarkOptions(MeasurementOptions):
     seconds: float = 60.0
     """Duration of the episode in simulated time, s."""
     rounds: int = 7
-    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
+    """Number of measurement rounds; results are medians over the rounds, with quartiles in brackets."""
 
 
 def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
@@ -82,8 +82,8 @@ def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[st
         options: Options of the command.
 
     Returns:
-        File format, or `none` for an episode that is not recorded -> name of a duration in CLOCKS -> durations,
-        (rounds,), s.
+        File format, or `none` for an episode that is not recorded -> `wall`, `processor` or `until closed` (see
+        CLOCKS) -> durations in all rounds, (rounds,), s.
     """
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name, servo="own")

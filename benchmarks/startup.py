@@ -44,7 +44,7 @@ class StartupBenchmarkOptions(MeasurementOptions):
     """Options of the timing of imports, of the first environment and of the help texts."""
 
     rounds: int = 7
-    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
+    """Number of measurement rounds; results are medians over the rounds, with quartiles in brackets."""
 
 
 def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
@@ -54,8 +54,8 @@ def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
         options: Options of the command.
 
     Returns:
-        Durations, and the ratio of the durations of IMPORT_QUAD_ENV and IMPORT_GYMNASIUM. The result also has the
-        checks of the requirements `import`, `loaded` and `help`.
+        Durations, and the ratio of two import times: this package with Gymnasium, and Gymnasium alone. The result also
+        has the checks of the requirements `import`, `loaded` and `help`.
     """
     if options.quick:
         options = replace(options, rounds=1)

@@ -71,7 +71,7 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _is_reference(options: TrainingBenchmarkOptions) -> bool:
-    """Return True if the options equal those in REFERENCE, for which the required speed is defined."""
+    """Return True if the options are the defaults, for which the required speed is defined."""
     measured = (options.robot, options.base, options.envs)
     return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
 

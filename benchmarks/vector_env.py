@@ -55,11 +55,11 @@ class VectorEnvBenchmarkOptions(MeasurementOptions):
     threads: int = cores()
     """Number of threads of the environment and of MuJoCo alone; default: number of cores of this machine."""
     rounds: int = 30
-    """Measurement rounds of one control step each (count), at most one episode; results are medians over the rounds."""
+    """Number of measurement rounds of one control step, at most one episode; results are medians over the rounds."""
     robot_steps: int = 60_000
     """Smallest number of timed control steps, summed over all robots; rounds are added until it is reached."""
     warm_up: int = 40
-    """Control steps before the first round (count), so that the robots walk during the measurement."""
+    """Number of control steps before the first round, so that the robots walk during the measurement."""
 
 
 @dataclass(frozen=True)

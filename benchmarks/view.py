@@ -35,7 +35,7 @@ WARM_UP = 5.0
 LONG_WARM_UP = 60.0
 """Waiting time between the first frame and the start of a measurement that lasts at least LONG_RUN, s.
 
-It is longer than WARM_UP because a long measurement examines the growth of memory.
+This time is longer than WARM_UP, because a long measurement examines the growth of memory.
 """
 LONG_RUN = 600.0
 """Smallest duration of a measurement that waits LONG_WARM_UP instead of WARM_UP at its start, s."""

@@ -138,7 +138,7 @@ class Session:
         self.env.close()
 
     def _check(self, policy: Policy) -> None:
-        """Raise ValueError or PolicyError if robot, control period or height scan of the policy do not fit."""
+        """Raise ValueError or PolicyError if robot, control period or height scan of `policy` do not fit."""
         policy.check_compatible(self.env.robot, self.env.dt)
         if policy.height_scan != self.policy.height_scan:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")

@@ -28,7 +28,7 @@ from quad_env.robots.robot import Robot
 REFERENCE_POLICY = "trot_feedback"
 """Name of the policy with which the walking of a robot is checked.
 
-It walks on all robots of `quad_env.ROBOTS` without parameters that were tuned for each robot.
+This policy walks on all robots of `quad_env.ROBOTS` without parameters that were tuned for each robot.
 """
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Velocity commands at which `python -m quad_env doctor` tests the walking of a policy.
@@ -209,8 +209,8 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
         robot: Robot that the policy controls.
 
     Yields:
-        Lines about control rate, joint order, servo gains and observation terms. A line for each assumption about facts
-        that the deployment file does not define follows.
+        Lines about control rate, joint order, servo gains and observation terms. Then a line for each fact that the
+        deployment file does not define, with the assumption that is used instead.
     """
     yield f"rate    {spec.control_rate:g} Hz"
     yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"

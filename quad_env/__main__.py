@@ -7,10 +7,10 @@ import sys
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # This precedes the next imports, because the user may press Ctrl-C during them.
+if __name__ == "__main__":  # The user may press Ctrl-C during the next imports.
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
-        sys.path.insert(0, str(launcher.ROOT))  # First, so that a user's `evaluate.py` is not imported.
+        sys.path.insert(0, str(launcher.ROOT))  # A user's `evaluate.py` must not be imported.
 
 from quad_env.cli.program import Command, Program
 

@@ -76,7 +76,7 @@ def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
     """
     out: Any = 0.0
     for column in columns:
-        out += column  # This keeps `columns` unchanged, because the first sum, 0.0 + column, is a new array.
+        out += column  # `columns` stays unchanged, because the first sum, 0.0 + column, is a new array.
     return out  # type: ignore[no-any-return]
 
 

@@ -117,7 +117,9 @@ def when_added(drop_cache: Callable[[], None]) -> None:
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return the objects of one kind, for example all robots, that installed and added extensions provide.
+    """Return the objects of one kind, for example all robots, that extensions provide.
+
+    The extensions are entry points of installed packages, or were added by `add_extension`.
 
     Args:
         kind: Name of a field of `Extension`, such as `robots`.
@@ -159,8 +161,8 @@ def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
 def _installed() -> tuple[Extension, ...]:
     """Return the extensions that installed packages register as entry points.
 
-    An extension that cannot be loaded is left out with a warning. The same happens if another extension already has an
-    object of the same kind and name.
+    An extension that cannot be loaded is left out with a warning. An extension is also left out with a warning if
+    another extension already has an object of the same kind and name.
     """
     extensions: list[Extension] = []
     for entry_point in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):

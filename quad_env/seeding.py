@@ -23,7 +23,7 @@ def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
     The seeds of the first purpose, "user", include the small integers that people type.
 
     Args:
-        purpose: One of `PURPOSES`.
+        purpose: Purpose of the episodes: "user", "training", "validation", "search" or "evaluation".
         seed: Seed of the random sequence of episode seeds, >= 0.
         count: Number of episode seeds, >= 0.
 

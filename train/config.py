@@ -73,8 +73,8 @@ REWARDS = RewardWeights(
 )
 """Default reward weights of the training: the environment's defaults, linear error terms, and effort terms.
 
-The tracking rewards of the environment have almost no gradient if the velocity error is large. The gradient of the
-linear error terms does not vanish there. A large velocity error costs about 1 per second. A fall costs more, because a
+The tracking rewards of the environment have almost no gradient if the velocity error is large. The linear error terms
+have a gradient at every velocity error. A large velocity error costs about 1 per second. A fall costs more, because a
 robot would otherwise learn to fall.
 """
 EFFORT_TERMS = ("action_rate", "torque", "mechanical_power", "touchdown_speed")
@@ -347,7 +347,7 @@ def check(config: TrainConfig) -> None:
 def _check_hardware_profile(config: TrainConfig) -> None:
     """Raise UsageError if hardware options are given for a scenario with the robot's hardware profile.
 
-    The profile defines the motors and sensors of the real robot, so that the options cannot choose others.
+    The profile defines the motors and sensors of the real robot, so that the options cannot choose other ones.
     """
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
     on_profile = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)

@@ -136,7 +136,8 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
         robot: Robot to which the severities of the disturbance axes are scaled.
 
     Returns:
-        The scenario. It is unchanged if it has no disturbance axis or is milder than the mildest level of its axis.
+        The scenario with the reduced severity. The scenario is unchanged if it has no disturbance axis, or if it is
+        milder than the mildest level of its axis.
     """
     if not scenario.axis or share >= 1.0:
         return scenario

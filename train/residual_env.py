@@ -213,7 +213,7 @@ class ResidualVectorEnv(
         """Simulate one step of the learner: `hold` control steps, in which all robots keep the same correction.
 
         The base policies act at every control step, and the correction is added to their joint targets. If the episode
-        of a robot ends before the last control step, the robot stays as it is until then. After the last control step,
+        of a robot ends earlier, the robot is not simulated in the remaining control steps. After the last control step,
         all robots with a finished episode restart.
 
         Args:

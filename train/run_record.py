@@ -96,7 +96,7 @@ def decode(kind: Any, value: Any) -> Any:
         if value not in parts:
             raise ValueError(f"{value!r} is none of {', '.join(parts)}")
         return value
-    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # a setting of the type `X | None`
+    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # The type is `X | None`.
         return None if value is None else decode(parts[0], value)
     return kind(value)
 

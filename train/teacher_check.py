@@ -20,7 +20,7 @@ from train.validation import validate
 EPISODES = 8
 """Number of validation episodes on flat ground in the check."""
 MIN_SUCCESS = 0.75
-"""Success rate from which on a controller counts as one that walks and that a network can learn from."""
+"""Smallest success rate at which a controller counts as walking, so that a network can learn from it, 0 to 1."""
 TORQUE_FACTOR = 2.5
 """Factor on the joint torque limit in the test whether a small torque limit is the reason of a failure."""
 FLAT = "flat"
@@ -30,7 +30,7 @@ SLOW = "slow"
 
 @dataclass(frozen=True)
 class _ModifiedHardware(HardwareConfig):
-    """Hardware configuration with a robot that no name stands for."""
+    """Hardware configuration with a `Robot` object in place of a name, because a changed robot has no name."""
 
     modified_robot: Robot | None = None
     """Robot of the configuration; None for the robot with the name `robot`."""
@@ -104,12 +104,12 @@ def _success_rate(teacher: str, hardware: HardwareConfig, scenario: str, threads
 
 
 def _helps(teacher: str, hardware: HardwareConfig, suspect: RobotChange, threads: int) -> bool:
-    """Return True if the controller walks after the change of a suspect.
+    """Return True if the controller walks after the change that removes one possible reason of the failure.
 
     Args:
         teacher: Name or path of the controller.
         hardware: Robot and servo gains before the change.
-        suspect: The change.
+        suspect: Possible reason, with the change of the robot or of the commands that removes the reason.
         threads: Number of threads of the simulation.
 
     Returns:
@@ -143,7 +143,10 @@ def _suspects(robot: Robot) -> tuple[list[RobotChange], RobotChange]:
 
 
 def _unexplained(robot: Robot) -> str:
-    """Return text about a failure that no tested change removes, with the robot's relative joint torque."""
+    """Return text about a failure that no tested change removes.
+
+    The text has the joint torque limit of the robot as a fraction of weight x leg length.
+    """
     own, known = (f"{_relative_torque(each):.2f}" for each in (robot, SIMPLE_QUAD))
     return (
         "neither larger joint torques, nor stiffer servos, nor slower commands help (joint torque as a fraction of "

@@ -392,7 +392,7 @@ def effort_weight_scale(config: TrainConfig, steps: int) -> float:
 
 
 def with_training_options(scenario: Scenario, config: TrainConfig) -> Scenario:
-    """Return a scenario with the kicks and the random velocity commands of a training run, if it has any.
+    """Return a scenario with the kicks and the random velocity commands of a training run, if the run has them.
 
     Args:
         scenario: Scenario of the training.

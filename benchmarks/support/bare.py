@@ -34,9 +34,9 @@ class InitialStates:
     seeds: tuple[int, ...]
     """Seed of the reset that gave each state, n items."""
     qpos: Floats
-    """Generalized positions of each state, MuJoCo `qpos`, (n, nq)."""
+    """Generalized positions of each state, MuJoCo `qpos`, (n, nq); nq is MuJoCo's number of positions of a robot."""
     qvel: Floats
-    """Generalized velocities of each state, MuJoCo `qvel`, (n, nv)."""
+    """Generalized velocities of each state, MuJoCo `qvel`, (n, nv); nv is MuJoCo's number of velocities of a robot."""
     dt: float
     """Control period of the environment, s."""
 
@@ -159,7 +159,7 @@ class BareBatch:
 
     @property
     def qpos(self) -> Floats:
-        """Current generalized positions of the robots, MuJoCo `qpos`, (n, nq)."""
+        """Current positions of the robots, MuJoCo `qpos`, (n, nq); nq is MuJoCo's number of positions of a robot."""
         return np.array(self._batch.bind("qpos"))
 
     def run(self, actions: Actions) -> float:

@@ -55,7 +55,7 @@ class MeasurementOptions(OutputOptions):
     """Options of every benchmark command that measures in rounds."""
 
     rounds: int = 15
-    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
+    """Number of measurement rounds; results are medians over the rounds, with quartiles in brackets."""
 
 
 OptionsT = TypeVar("OptionsT", bound=OutputOptions)

@@ -34,11 +34,11 @@ class Stride:
     """Stride (one gait cycle) of the trot that `record_strides` has recorded: initial state and joint targets."""
 
     qpos: Floats
-    """Generalized positions at the start of the stride, MuJoCo `qpos`, (nq,)."""
+    """MuJoCo's generalized positions `qpos` at the start of the stride, (nq,), with nq positions of the robot."""
     qvel: Floats
-    """Generalized velocities at the start of the stride, MuJoCo `qvel`, (nv,)."""
+    """MuJoCo's generalized velocities `qvel` at the start of the stride, (nv,), with nv velocities of the robot."""
     warmstart: Floats
-    """Generalized accelerations with which MuJoCo's solver starts, `qacc_warmstart`, (nv,)."""
+    """Accelerations `qacc_warmstart` with which MuJoCo's solver starts, (nv,), one for each of the nv velocities."""
     targets: Floats
     """Joint targets at each control step of the stride, (steps, 12), rad."""
 

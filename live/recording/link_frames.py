@@ -34,7 +34,7 @@ class LinkFrame:
     rotation: Floats
     """Orientation of the link at the joint angle `reference`, in the frame of the parent link.
 
-    It is a quaternion w x y z, (4,). For a link that is fixed to its parent, it is always valid.
+    The orientation is a quaternion w x y z, (4,). If the link is fixed to its parent, the orientation is constant.
     """
     joint: int | None = None
     """Index, 0 to 11, of the joint that moves the link; None for a link that is fixed to its parent."""
@@ -61,7 +61,7 @@ def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
 def _moving_frames(model: Any, data: Any) -> list[LinkFrame]:
     """Return the frames of the links that hinge joints move, in the joint order of the MuJoCo model."""
     frames = []
-    for hinge in range(1, model.njnt):  # from 1, because joint 0 is the free joint of the trunk
+    for hinge in range(1, model.njnt):  # Joint 0 is the free joint of the trunk.
         body = model.jnt_bodyid[hinge]
         address = model.jnt_qposadr[hinge]
         axis = model.jnt_axis[hinge].copy()

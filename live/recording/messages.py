@@ -113,7 +113,7 @@ class Messages:
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def _start_messages(self) -> Iterator[Message]:
-        """Advance the time by a control step, and yield the event `reset` unless the recording starts here."""
+        """Advance the time by a control step, and yield the event `reset`, except at the start of the recording."""
         self._time += self._period
         if self._time > 0:
             yield self._event_message("reset")
@@ -180,7 +180,7 @@ class Messages:
 def _event_text(readings: dict[str, Floats]) -> str:
     """Return a text about the event in a control step: a divergence, a fall or a push.
 
-    The text is `_EPISODE_END` if there is no event in the control step.
+    The text is "over" if the control step has no divergence, fall or push.
     """
     if readings["diverged"][0]:
         return "diverged"

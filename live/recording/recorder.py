@@ -125,7 +125,7 @@ class McapRecorder:
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
-        # The process must survive Ctrl-C, because `close` waits for its answer.
+        # The writer process must survive Ctrl-C, because `close` waits for the answer of the writer process.
         with closing(writer_end), closing(answer), without_ctrl_c():
             self._process.start()
 

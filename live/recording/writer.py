@@ -31,7 +31,7 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
         _write(rows, path, schema)
     except OSError as error:
         failure = OSError(error.errno, error.strerror or str(error), str(path))
-    with contextlib.suppress(OSError):  # raised if the simulation process, which would receive it, has ended
+    with contextlib.suppress(OSError):  # The simulation process may have ended.
         answer.send(failure)
 
 

@@ -1,6 +1,6 @@
 """Simulation side of the ROS interface: controls the simulated robot with the numbers of received ROS messages.
 
-In every control step it returns sensor readings for ROS. The module does not import ROS, which a separate process does.
+In every control step, the module returns sensor readings for ROS. A separate process imports ROS; this module does not.
 """
 
 from collections.abc import Callable, Sequence
@@ -122,7 +122,7 @@ class Bridge:
         Args:
             topic: Topic of the message.
             values: Numbers of the message: joint targets, rad, or forward and left velocity, m/s, and yaw rate, rad/s.
-                It is empty if the message has too many numbers.
+                The sequence is empty if the message has too many numbers.
             size: Number of numbers in the message.
         """
         if topic == RESET:
@@ -144,7 +144,7 @@ class Bridge:
         self._last_message_step = self._steps
 
     def step(self) -> Packet:
-        """Simulate one control step of the robot, and return the packet with its sensor readings for ROS."""
+        """Simulate one control step of the robot, and return its sensor readings as a packet for the ROS process."""
         if self._has_timed_out():
             self._stand()
         step = self._session.step()
@@ -205,7 +205,7 @@ class Bridge:
         self._log(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 
     def _packet(self, step: Step) -> Packet:
-        """Return the packet with time and sensor readings of the robot after a control step."""
+        """Return time and sensor readings of the robot after a control step, as a packet for the ROS process."""
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:

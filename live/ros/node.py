@@ -157,7 +157,7 @@ class Node:
         self._forward(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
 
     def _forward(self, topic: str, values: list[float], size: int) -> None:
-        """Send topic, numbers and number of numbers of a received ROS message to the simulation."""
+        """Send a received ROS message to the simulation: its topic, its numbers, `values`, and their count, `size`."""
         _send_packet(self._link, {"topic": topic, "values": values, "size": size})
 
 

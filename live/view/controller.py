@@ -219,7 +219,7 @@ class ViewController:
         robots start the episode again, so that all robots are at the same time of the same episode.
 
         Args:
-            robot: Index of the robot; the number of robots adds a robot.
+            robot: Index of the robot. An index that equals the number of robots adds a robot.
             name: Name of the policy, one of the choices that the page offers.
 
         Raises:

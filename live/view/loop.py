@@ -114,7 +114,7 @@ class LiveView:
 
 
 def drop_superseded(requests: Sequence[Request]) -> list[Request]:
-    """Return the requests in their order, with only the last one of each kind in `EPISODE_STARTS`."""
+    """Return the requests in their order, but only the last one of each kind that starts an episode."""
     latest: dict[object, Request] = {}
     for number, request in enumerate(requests):
         key = (request.do, request.values.get("robot")) if request.do in EPISODE_STARTS else number

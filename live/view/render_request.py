@@ -72,12 +72,12 @@ class Orbit(Viewpoint):
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """Scene of one robot at one time, which the render thread draws."""
+    """Request to draw one robot: state of the simulation, viewpoint and arrows at the time of the request."""
 
     model: Any
     """`mujoco.MjModel` of the simulation; always the same object while the simulation exists."""
     data: Any
-    """`mujoco.MjData` with a copy of the simulation's state at that time."""
+    """`mujoco.MjData` with a copy of the simulation's state at the time of the request."""
     name: str
     """Name of the robot's policy, which is written into the image."""
     viewpoint: Viewpoint

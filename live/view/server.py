@@ -1,6 +1,6 @@
 """Server of the live view for browsers on the same machine.
 
-It serves the page by HTTP, and exchanges messages and images with the page over a WebSocket, on one port.
+The server sends the page by HTTP, and exchanges messages and images with the page over a WebSocket, on one port.
 """
 
 import asyncio
@@ -194,7 +194,7 @@ class Server:
 
 
 def _listen(port: int | None) -> socket.socket:
-    """Return a socket that listens on HOST.
+    """Return a socket that listens on the loopback address `HOST`.
 
     Args:
         port: Port, 0 for any free port. None for PORT, or any free port if PORT is in use.

@@ -112,7 +112,7 @@ def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
 
     Args:
         values: One row of k numbers for all robots, or one row per robot, (k,) or (n, k).
-        shape: Shape of the result, (n, k).
+        shape: Shape of the result, (n, k): n robots with k numbers each.
         name: Name of the argument, for the error message.
 
     Returns:
@@ -164,7 +164,7 @@ def check_joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, uppe
         upper: Upper joint limits, (12,), rad.
 
     Returns:
-        A new array of clipped targets, rad.
+        A new array of clipped targets, rad, with the shape `shape`.
 
     Raises:
         ValueError: The targets are not finite real numbers, or have another shape.

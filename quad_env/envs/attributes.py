@@ -7,13 +7,14 @@ from typing import Any
 from quad_env.config import TaskConfig
 
 GYMNASIUM_ATTRIBUTES = frozenset(("spec", "metadata", "np_random", "closed"))
-"""Names of the attributes that Gymnasium sets on every environment, so that an assignment is valid."""
+"""Names of the attributes that Gymnasium sets on every environment; their assignment raises no error."""
 SPACE_ATTRIBUTES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
 """Names of the attributes with observation and action spaces, which a subclass of an environment may replace."""
 COMMAND_ATTRIBUTES = frozenset(("command", "commands", "command_ranges"))
 """Names of attributes that a user may try to assign in order to change the velocity command.
 
-These attributes do not exist; the error message shows the correct call.
+These attributes do not exist. The error message of the assignment shows the call that sets a command, for example
+`reset` with the option "command".
 """
 PACKAGE = __name__.rpartition(".")[0]
 """Name of the package of the environment classes; a class of another package is a user's subclass."""

@@ -87,7 +87,7 @@ class Equipment(NamedTuple):
 
     @property
     def imu(self) -> Mounting | None:
-        """Position, base frame, m, and roll, pitch, yaw, rad, of the IMU on the trunk; None for no sensors."""
+        """Position, base frame, m, and roll, pitch, yaw, rad, of the IMU; None if the robot has no sensors."""
         return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
 
 
@@ -176,7 +176,7 @@ class QuadEnvBase:
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
-        """Model of the simulated robot; if the servo gains differ between the n robots, it has their mean."""
+        """Model of the simulated robot; if the servo gains differ between the n robots, the model has their mean."""
         self.scenario = find_scenario(_to_setting(scenario), self.robot)
         """Scenario of all episodes: terrain, commands, disturbances and initial state."""
         equipment = self._select_equipment(options)

@@ -1,4 +1,4 @@
-"""The single environment of one robot, which computes with Python floats, because they are fast."""
+"""The single environment of one robot, which computes with Python floats, because arrays are slower here."""
 
 from typing import Any, ClassVar, Unpack
 
@@ -54,7 +54,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         height_scan: The `quad_env.HeightScan` to add to the observation as the term `height_scan`; None for no scan.
         servo: Pair of stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos. Each is a number, or (12,) in
             the order of the joints; a batch also accepts (n, 12). "stiff" for the robot's gains for controllers that
-            need stiff servos, None for the gains of the robot, which are its maker's. Pass `policies.make` the same.
+            need stiff servos, None for the gains of the robot's model. Pass the same `servo` to `policies.make`.
         simulator: Name of the physics engine. "mujoco" is the default. "drake" supports ideal motors and level ground,
             slopes and stairs, see docs/second-simulator.md. "warp" is MuJoCo Warp for training, see docs/training.md.
 
@@ -145,9 +145,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return observation, info
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance by one control period; the robot stands still after the end of the episode.
+        """Advance by one control period.
 
-        ValueError is raised, before the robot moves, if the targets have a wrong shape or are not finite.
+        After a termination, the robot is not simulated until `reset`, and the reward is 0. ValueError is raised, before
+        the robot moves, if the targets have a wrong shape or are not finite.
 
         Args:
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
@@ -193,7 +194,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
-            # This is an array, because Gymnasium's vector envs would collect `np.bool_` in an array of objects.
+            # The bool becomes an array, because Gymnasium's vector envs collect `np.bool_` in an array of objects.
             "diverged": np.array(self._diverged),
             **{key: np.float64(value) for key, value in terms.items()},
         }

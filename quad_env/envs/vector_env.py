@@ -169,7 +169,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
-        """Set the velocity command that robots track until the next reset; the next observation contains it.
+        """Set the velocity command that robots track until the next reset; the next observation contains the command.
 
         ValueError is raised, and the commands stay unchanged, if `command` has a wrong shape, is not finite, or is
         larger than `config.COMMAND_BOUND`.
@@ -296,7 +296,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._has_readings:
             infos |= compute_readings(self.simulation, self._state)
-            # The torques are set to zero at the start of an episode, because MuJoCo's torques are from before it.
+            # The torques are set to zero at the start of an episode, because MuJoCo still has the last episode's torques.
             infos["joint_torque"][self._schedule.step_count == 0] = 0.0
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}

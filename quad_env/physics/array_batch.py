@@ -22,7 +22,8 @@ class ArrayBatch:
         fields: Names of the fields of MuJoCo's data to hold, each as an array (n, ...).
 
     Attributes:
-        warning: MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each kind.
+        warning: MuJoCo's warnings since the last reset of each robot, (n, kinds, 2). For each kind of warning, item 0
+            is MuJoCo's number `lastinfo` about the last warning, and item 1 is the count of warnings.
     """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int, fields: Iterable[str]) -> None:

@@ -12,13 +12,17 @@ _NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpol
 class Batch(Protocol):
     """Interface to a physics engine that simulates n robots of one compiled model.
 
-    The methods are methods of MuJoCo's class `mujoco.batch.Batch`.
+    The methods have the names, arguments and results of the methods of MuJoCo's class `mujoco.batch.Batch`.
 
     The arrays have one row per robot, with the names, order, units and frames of MuJoCo's fields.
     """
 
     warning: Any
-    """MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each kind."""
+    """MuJoCo's warnings since the last reset of each robot, (n, kinds, 2).
+
+    For each kind of warning, item 0 is MuJoCo's number `lastinfo` about the last warning, and item 1 is the count of
+    warnings.
+    """
 
     @property
     def features(self) -> SimulatorFeatures:

@@ -27,7 +27,8 @@ JOINT_READINGS = (
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Type of a function that returns the joint torques of k robots in the last physics step, (k, 12), N·m.
 
-Its arguments are the indices of the robots, and the change of the joint velocities in this step, (k, 12), rad/s.
+The arguments of the function are the indices of the k robots, and the change of the joint velocities in the physics
+step, (k, 12), rad/s.
 """
 
 

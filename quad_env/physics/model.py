@@ -73,9 +73,10 @@ def compile_model(
 
 
 def _simplify(model: mujoco.MjModel, options: PhysicsOptions, robot: Robot) -> None:
-    """Simplify contacts, friction cone and joint friction of the compiled `model`, as `options` requests.
+    """Apply the simplifications in `options` to the compiled `model`, to make training faster.
 
-    Contact pairs of geoms that the MJCF names explicitly are kept.
+    The options disable contacts of some geoms, replace the friction cone, or remove the dry friction of the joints. Two
+    geoms of an explicit contact pair (the element `pair` of the MJCF) still collide.
     """
     if options.cone != "model":
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{options.cone.upper()}")
@@ -260,7 +261,8 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
         pos=(0.0, 0.0, height),
-        # Without this value, MuJoCo would take `pos`, and so place the centre of mass twice as high.
+        # `ipos` is the centre of mass in the frame of the cube. By default MuJoCo would use the value of `pos`, and so
+        # place the centre of mass at twice the height.
         ipos=(0.0, 0.0, 0.0),
         mass=payload.mass,
         inertia=(moment, moment, moment),
@@ -329,7 +331,7 @@ def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple
     gain = expand("actuator_gainprm")
     bias = expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        return (gain[:, :, 4],), (gain[:, :, 6],)  # stiffness and damping of the controller of a DC motor
+        return (gain[:, :, 4],), (gain[:, :, 6],)  # Numbers 4 and 6 are stiffness and damping.
     return (gain[:, :, 0], bias[:, :, 1]), (bias[:, :, 2],)
 
 

@@ -248,7 +248,7 @@ class Simulation:
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
         if isinstance(self.terrain, HeightField):
-            # The height of the highest point is added, because this ground may be at any height.
+            # The height of the highest point is added, because a user's height field may be at any height.
             clearance += self.terrain.heights.min_height + self.terrain.heights.span
         return clearance
 
@@ -280,9 +280,9 @@ class Simulation:
         self._target_filter = make_target_filter(robot, scenario.motors, actuator, config.num_envs, timestep)
         self._thermal_model = make_thermal_model(robot, actuator, timestep, self.batch.expand)
         self._steps_singly = any((self.meter, self._target_filter, self._thermal_model))
-        """True if the simulation must stop after every physics step.
+        """True if the simulation must run Python code after every physics step.
 
-        This is necessary to update a motor meter, a low-pass filter of the joint targets or a thermal model.
+        The code updates a motor meter, a low-pass filter of the joint targets or a thermal model.
         """
 
     def _bind_randomisation(self, scenario: Scenario) -> None:

@@ -35,7 +35,7 @@ class Axis:
     at: AtSeverity
     """Function that takes a severity, in `unit`, and returns the scenario with this severity.
 
-    The method `scenario` calls it, and then sets the name, axis and severity of the returned scenario.
+    The method `scenario` calls this function, and then sets the name, axis and severity of the returned scenario.
     """
     quantity: str
     """Description of the quantity that the severity measures, for example `mass on the trunk`."""
@@ -48,7 +48,7 @@ class Axis:
     nominal: float
     """Severity, in `unit`, of the scenario with the name of the axis only, for example `push`.
 
-    It is one of the severities in `levels`.
+    The nominal severity is one of the severities in `levels`.
     """
     sentence: str = ""
     """Description of the scenarios of this axis in one sentence, for lists and reports."""
@@ -58,7 +58,7 @@ class Axis:
     The axis `slow` is not scaled, because the speed that counts as success is the same for every robot.
     """
     note: str = ""
-    """Explanation of other influences than the policy on the results of this axis, printed with the results."""
+    """Note that is printed with the results of this axis: influences other than the policy, such as friction."""
 
     @property
     def harder_when_smaller(self) -> bool:

@@ -118,8 +118,9 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     if not max(-lowest, highest) < MAX_HEIGHT:
         raise ValueError(f"{file}: heights are numbers within ±{MAX_HEIGHT:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
-    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision and both
-    # surfaces must be equal. The rows are reversed, because in MuJoCo y increases with the row index.
+    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision, and the
+    # computed ground heights must equal MuJoCo's. The rows are reversed, because in MuJoCo y increases with the row
+    # index.
     normalized = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
     normalized.flags.writeable = False
     return Heights(normalized, lowest, span)

@@ -56,7 +56,10 @@ STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 Every robot moves straight ahead on flat ground with 0.5 m/s. The scenario belongs to no disturbance axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Names of the fields of `Scenario` that identify it; a combination of scenarios sets these fields itself."""
+"""Names of the fields of `Scenario` that identify a scenario.
+
+`_combine` sets these fields of a combination of scenarios, and does not take them from the combined scenarios.
+"""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
 """Classes of settings that a combination of disturbance axes merges field by field.
 

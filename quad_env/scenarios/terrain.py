@@ -433,8 +433,8 @@ def _normalized_surface(points: int, width: float, seed: int) -> Array:
     smooth = gaussian_filter(noise, width, mode="wrap")
     unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
-    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision and both
-    # surfaces must be equal.
+    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision, and the
+    # computed ground heights must equal MuJoCo's.
     grid: Array = unit.astype(np.float32).astype(np.float64)
     grid.flags.writeable = False
     return grid

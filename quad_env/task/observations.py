@@ -191,7 +191,7 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
     Raises:
         ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
-    # The usual case must be fast, because policies call this function at every step.
+    # The case without user terms must be fast, because policies call this function at every step.
     if observations == ():
         return ()
     if isinstance(observations, str | ObservationTerm):

@@ -41,7 +41,10 @@ COMPARED = {STUDENT: (STUDENT, "trot"), RESIDUAL: ("trot", "trot_feedback", RESI
 LEARNER_OPTIONS = {STUDENT: ("teacher", "labels"), RESIDUAL: ("base", "steps")}
 """Learner -> names of the options that only this learner has."""
 CHECK_FILE = "teacher.json"
-"""Name of the JSON file in the output folder with the success rate of the teacher in the check that it walks."""
+"""Name of the JSON file in the output folder with the success rate of the teacher on flat ground.
+
+The pipeline writes the file after the check that the teacher walks on the robot.
+"""
 OPTIONS_FILE = "begun.json"
 """Name of the JSON file in the output folder with the options of the first call of the pipeline.
 
@@ -49,7 +52,7 @@ Later calls with the same folder must have the same options."""
 DESCRIPTION_FILE = "described.txt"
 """Name of the text file with the description of the robot that `python -m quad_env describe` prints."""
 OLD_OPTIONS = {"learner": RESIDUAL, "teacher": "mpc_wbc", "labels": 1_000_000}
-"""Values of the options that a file of an older version does not have."""
+"""Name of an option -> value that the pipeline assumes if an older version has written `OPTIONS_FILE` without it."""
 MUTABLE_OPTIONS = ("out", "threads")
 """Names of the options of the pipeline that may differ between two calls with the same output folder."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
@@ -175,7 +178,7 @@ def main(options: RobotPipelineOptions) -> int:
 
 
 def _check_learner_options(options: RobotPipelineOptions) -> None:
-    """Check that no option of the other learner was given; raise UsageError if one was."""
+    """Raise UsageError if an option was given that only the other learner (student or residual) has."""
     other = RESIDUAL if options.learner == STUDENT else STUDENT
     default = RobotPipelineOptions(robot=options.robot)
     for name in LEARNER_OPTIONS[other]:
@@ -247,7 +250,7 @@ def _export(options: RobotPipelineOptions) -> None:
 
 
 def _search(options: RobotPipelineOptions) -> None:
-    """Search the parameters of the robot's open-loop trot by CMA-ES, and write them to the robot's models."""
+    """Search the parameters of the robot's open-loop trot by CMA-ES, and write them to its models folder."""
     trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
 

@@ -158,8 +158,9 @@ class LabelCollector:
     ) -> FloatArray:
         """Return the joint targets with which to simulate the robots, (n, 12), rad.
 
-        They come from the present driver of each robot, teacher or student. `inputs`, (n, k), and `corrections`,
-        (n, 12), are the present labels. `teacher_share` is the probability of the teacher when a new driver is drawn.
+        The joint targets come from the present driver of each robot, teacher or student. `inputs`, (n, k) with k inputs
+        per robot, and `corrections`, (n, 12), are the present labels. `teacher_share` is the probability of the teacher
+        when a new driver is drawn.
         """
         self._drivers.step(teacher_share)
         teacher_drives = self._drivers.teacher_drives

@@ -193,7 +193,7 @@ class Distillation:
     def _run_segment(self) -> None:
         """Execute the rounds of one segment, validate the student if a validation is due, and save a checkpoint.
 
-        All robots start new episodes at the start of a segment.
+        A segment is a series of `DistillationConfig.segment_rounds` rounds. All robots start new episodes at its start.
         """
         config = self._config
         first = self._state.rounds

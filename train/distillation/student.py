@@ -25,7 +25,8 @@ from train.residual_env import FloatArray
 MIN_INPUT_STD = 0.02
 """Lower bound of the standard deviation of an input in the standardisation of the student's inputs.
 
-Otherwise an input that is almost constant in the first labels would become huge if it changes later."""
+Without the bound, an input that is almost constant in the first labels would be divided by a tiny number. The
+standardised input would be huge if the input changes later."""
 MAX_GRADIENT_NORM = 1.0
 """Largest norm of the gradient of the student's loss; a larger gradient is scaled down to this norm."""
 

@@ -30,7 +30,7 @@ class TakeFirst(nn.Module):
         self._count = count
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the first `count` columns of `rows`, (n, k)."""
+        """Return the first `count` entries, (n, count), of n vectors with k entries, `rows`, (n, k)."""
         return rows[:, : self._count]
 
 
@@ -49,7 +49,7 @@ class TorchMirror(nn.Module):
         self.register_buffer("signs", torch.from_numpy(mirror.signs.copy()), persistent=False)
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the mirror image of each of the n vectors in `rows`, (n, k)."""
+        """Return the mirror image of each of the n vectors with k entries in `rows`, (n, k)."""
         return rows[:, self.order] * self.signs
 
 
@@ -61,7 +61,7 @@ class AppendMirrorImages(nn.Module):
         self.mirror = TorchMirror(mirror)
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the vectors in `rows`, (n, k), followed by their mirror images, (2n, k)."""
+        """Return the n vectors with k entries in `rows`, (n, k), followed by their mirror images, (2n, k)."""
         return torch.cat((rows, self.mirror(rows)))
 
 
@@ -69,7 +69,7 @@ class HalfSum(nn.Module):
     """PyTorch module that averages the outputs for n input vectors and for the n mirror images of these vectors."""
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the mean, (n, k), of the first n and the last n vectors in `rows`, (2n, k)."""
+        """Return the mean, (n, k), of the first n and the last n vectors with k entries in `rows`, (2n, k)."""
         first, second = rows.chunk(2)
         return 0.5 * (first + second)
 
@@ -114,7 +114,7 @@ class RunningNormalization(BaseFeaturesExtractor):
         self.count.fill_(torch.inf)
 
     def update(self, rows: torch.Tensor) -> None:
-        """Update mean and variance with n observations, `rows`, (n, k).
+        """Update mean and variance of the entries with n observations of k entries, `rows`, (n, k).
 
         The update is the parallel algorithm of Chan, which combines mean and variance of two sets of samples.
         """

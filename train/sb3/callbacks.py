@@ -1,8 +1,9 @@
 """Callback between two rollouts: progress, logs, validation, checkpoints, and the end on Ctrl-C.
 
-SB3 calls `_on_rollout_start` after the update from the last rollout. Only there can the learner and all random
-generators be saved together. The state of the robots is not saved, because all robots start each segment of a run with
-new episodes. A checkpoint within a segment contains the actions since the start of the segment instead. A run that was
+SB3 calls `_on_rollout_start` after the update from the last rollout. Only in this call can the learner and all random
+generators be saved together. A run is divided into segments; all robots start new episodes at the start of a segment.
+The states of the robots are not saved. A checkpoint contains the actions of the robots since the start of the present
+segment instead, and a resumed run repeats these actions. A run that was
 stopped and resumed gives the same result, bit for bit, as an uninterrupted run on the same machine and packages.
 """
 
@@ -225,7 +226,7 @@ class TrainingCallback(BaseCallback):
         if self._state.validated < self.num_timesteps:
             self._validate()
         self._log()
-        self._end = 0  # 0, so that a run that is extended later begins with a new segment
+        self._end = 0  # A run that is extended later begins with a new segment.
         self._save_checkpoint()
 
     def _restore_rate(self) -> None:
@@ -332,10 +333,10 @@ class TrainingCallback(BaseCallback):
     def _save_checkpoint(self) -> None:
         """Write the latest policy bundle and a checkpoint to the folder of the run.
 
-        If a segment is unfinished, the checkpoint has the actions of all robots since its start. The bundle is written
-        before the checkpoint. If the process is killed in between, the resumed run repeats the steps and writes the
-        bundle again. At step 0 the checkpoint is written first. Otherwise the folder of a run that is killed in between
-        could neither be resumed nor used for a new run.
+        If a segment is unfinished, the checkpoint has the actions of all robots since the start of the segment. The
+        bundle is written before the checkpoint. If the process is killed between the two writes, the resumed run
+        repeats the steps and writes the bundle again. At step 0 the checkpoint is written first, because a folder with
+        only a bundle could neither be resumed nor used for a new run.
         """
         self._state.seconds = self._seconds
         self._last_checkpoint_step = self.num_timesteps

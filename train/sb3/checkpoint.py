@@ -1,8 +1,8 @@
 """Checkpoints of a training run between two rollouts: arrays as safetensors, all other values as JSON.
 
-The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved. A
-checkpoint has the actions of the robots since the start of the segment, see `segment_steps`. A resumed run repeats
-these actions.
+The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved. A run
+is divided into segments; all robots start new episodes at the start of a segment, see `segment_steps`. A checkpoint has
+the actions of the robots since the start of the present segment. A resumed run repeats these actions.
 
 A checkpoint has two files. STEPS.safetensors is written first, then STEPS.json with the hash of the first file. A
 checkpoint without STEPS.json is ignored, so that the previous checkpoint remains valid if a run is killed. The last two
@@ -57,9 +57,10 @@ class Checkpoint:
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """Actions of all n robots since the start of the segment, one array, (n, 12), per learner step.
+        """Actions of all n robots since they last started new episodes together, (n, 12) per learner step.
 
-        A resumed run repeats them. The list is empty if the checkpoint is at the end of a segment.
+        A resumed run repeats these actions, because a checkpoint does not contain the states of the robots. The list is
+        empty if all robots start new episodes after the checkpoint.
         """
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
@@ -70,7 +71,8 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
     Args:
         model: PPO learner.
         remembered: State of the training callback, as a dictionary of JSON types, see `CallbackState`.
-        actions: Actions of all n robots since the start of the segment, one array, (n, 12), per learner step.
+        actions: Actions of all n robots since they last started new episodes together, one array, (n, 12), per learner
+            step.
 
     Returns:
         The checkpoint, with copies of all arrays.

@@ -71,7 +71,7 @@ class AdaptiveRate:
 class RolloutPpo(PPO):
     """PPO of SB3 that also updates the running normalisation of the observations after each rollout.
 
-    To be faster than PPO of SB3, it reads only the infos of robots with a finished episode.
+    To be faster than PPO of SB3, this class reads only the infos of robots with a finished episode.
     """
 
     def train(self) -> None:
@@ -177,9 +177,9 @@ def normalization(model: PPO) -> RunningNormalization | None:
 def actor_network(model: PPO) -> Network:
     """Return the actor of the learner, which computes the mean correction, as a NumPy network.
 
-    Its inputs are the features that a real robot can measure. The other inputs go only to the critic. A running
-    normalisation of the inputs becomes part of the weights of the first layer. For an actor with left-right symmetry,
-    the returned network has hidden layers of twice the width.
+    The inputs of the actor are the features that a real robot can measure. All other inputs go only to the critic. A
+    running normalisation of the inputs becomes part of the weights of the first layer. For an actor with left-right
+    symmetry, the returned network has hidden layers of twice the width.
     """
     layers = _actor_layers(model)
     network = Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))

@@ -59,11 +59,14 @@ class TrainingVecEnv(VecEnv):
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
-        """Reset every robot with its current seed, and return the observation, (n, m)."""
+        """Reset all n robots with their current seeds; return the observation, (n, m), with m numbers per robot."""
         return self.reset_to_seeds(self._episode_seeds)
 
     def reset_to_seeds(self, seeds: Sequence[int]) -> FloatArray:
-        """Reset every robot with its entry of `seeds`, clear `action_log`, and return the observation, (n, m)."""
+        """Reset robot i with the seed `seeds[i]`, clear `action_log`, and return the observation.
+
+        The observation, (n, m), has m numbers for each of the n robots.
+        """
         self._episode_seeds = seeds
         self.action_log = []
         return self._with_privileged(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # the environments of this project accept one seed per robot
@@ -76,7 +79,8 @@ class TrainingVecEnv(VecEnv):
             actions: Recorded actions of all n robots, one array, (n, 12), per step.
 
         Returns:
-            The last observation, (n, m), and a mask that is True for robots at the start of an episode, (n,).
+            The last observation, (n, m), with m numbers per robot; and a mask, (n,), that is True for robots at the
+            start of an episode.
         """
         observation = self.reset_to_seeds(seeds)
         finished = np.ones(self.num_envs, np.bool_)
@@ -95,8 +99,8 @@ class TrainingVecEnv(VecEnv):
         """Execute one step of all robots with the actions that `step_async` has stored.
 
         Returns:
-            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); and a dictionary
-            of infos for each robot, which is empty for robots that did not finish an episode.
+            Observations, (n, m), with m numbers per robot; scaled rewards, (n,); True for robots that finished an
+            episode, (n,); and a dictionary of infos for each robot, empty if the robot did not finish an episode.
         """
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
@@ -114,9 +118,9 @@ class TrainingVecEnv(VecEnv):
         return self._with_privileged(observation, infos), scaled_rewards, finished, robot_infos
 
     def _with_privileged(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
-        """Return `observation`, (n, m), followed by `infos["privileged"]` if `privileged` is not 0.
+        """Append the columns `infos["privileged"]` to `observation`, (n, m), if `privileged` is not 0.
 
-        Only the value network receives the appended columns.
+        The observation has m numbers for each of the n robots. Only the value network receives the appended columns.
         """
         return np.concatenate((observation, infos["privileged"]), axis=1) if self.privileged else observation
 

@@ -107,8 +107,8 @@ class SearchProblem(Generic[P]):
     finalize: Callable[[P], tuple[str, str]]
     """Function that completes the result of the search and describes it.
 
-    It takes the mean of the last generation of CMA-ES, as parameters, and can fit further parameters. It returns two
-    texts: the contents of the parameter file (JSON) and of the report (Markdown)."""
+    The function takes the mean of the last generation of CMA-ES, as parameters, and can fit further parameters. The
+    function returns two texts: the contents of the parameter file (JSON) and of the report (Markdown)."""
     file: Path
     """Path of the parameter file that the search writes if --out is not given."""
     account: str

@@ -186,7 +186,7 @@ def run_each(
             for index in active.copy():
                 current[index], ended = advance(current[index], actions[index])
                 recorders[index](current[index])
-                if ended:  # all episodes of the scenario have ended, so its robots are not simulated any more
+                if ended:  # Robots of a scenario without running episodes are not simulated.
                     active.remove(index)
     return [recorder.episodes() for recorder in recorders]
 

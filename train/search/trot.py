@@ -143,7 +143,7 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
         Response matrix R of each candidate, (members, 4, 3). A command interval has a constant velocity command with
         the components f (forward), l (lateral) and y (yaw rate). The mean velocity (forward, lateral, yaw rate) in the
         interval is modelled as the row vector (f, l, y, 1) times R. R is fitted to the intervals without a fall. R is
-        zero if a candidate has fewer than MIN_INTERVALS of them.
+        zero if a candidate has fewer than MIN_INTERVALS intervals without a fall.
     """
     measures = measure(walk)
     command = measures.commands.reshape(members, -1, 3)
