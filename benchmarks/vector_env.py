@@ -137,7 +137,7 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
 def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions, advance: Advance) -> VectorEnvTiming:
     """Time a control step of the vector environment and of MuJoCo's `Batch.step` alone.
 
-    Both take turns: after each control step of one, the other one simulates a control step.
+    The environment and `Batch.step` take turns: they simulate one control step after the other.
 
     Args:
         name: Name of the scenario.

@@ -117,7 +117,7 @@ class Session:
     def set_policy(self, policy: Policy) -> None:
         """Replace the policy; the joint targets change smoothly to the new targets in POLICY_BLEND_TIME.
 
-        The method raises ValueError if `policy` was made for another robot or control period. It raises PolicyError if
+        The method raises ValueError if `policy` was made for another robot or control period, and PolicyError if
         `policy` needs another height scan than the present policy. After an error the present policy stays in use.
         """
         self._check(policy)

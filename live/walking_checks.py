@@ -1,6 +1,6 @@
 """Checks of `python -m quad_env doctor` in which a policy controls the robot.
 
-They check that the robot follows velocity commands with a reference policy, and that the user's policy loads and
+The checks test if the robot follows velocity commands with a reference policy, and if the user's policy loads and
 walks. For a policy from another project, they also check its description: the file that defines the observations and
 actions of the policy.
 """

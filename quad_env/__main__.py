@@ -1,6 +1,6 @@
 """Program `python -m quad_env`: lists robots and policies, and shows, films and records episodes.
 
-Some commands need policies. They are in packages that only a clone of the project contains.
+Some commands need policies. The policies are in packages that only a clone of the project contains.
 """
 
 import sys

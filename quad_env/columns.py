@@ -2,7 +2,7 @@
 
 NumPy and Python round + - * / and sqrt equally, so results do not depend on the number of robots or on the type. The
 function `ordered_sum` adds in order, because NumPy's sum adds pairwise, and Python's sum compensates rounding errors.
-The environment of one robot uses floats, because they make it about three times as fast as arrays of length one.
+The environment of one robot uses floats, because arrays of length one would make it about three times as slow.
 """
 
 import math
@@ -50,7 +50,7 @@ def to_scalars(rows: Array) -> Components[float]:
 def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
     """Return a function that reads the components of the selected robots `env_ids` from an array.
 
-    The function takes an array with one row per robot, (n, k). It returns the components as an array, (k, m), of m
+    The function takes an array with one row per robot, (n, k), and returns the components as an array, (k, m), of m
     selected robots, or as k floats of the only robot if `env_ids` is None.
     """
     return to_scalars if env_ids is None else lambda rows: to_components(rows[env_ids])

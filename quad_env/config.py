@@ -127,7 +127,7 @@ class CommandRanges(Settings):
 
     @property
     def draws_components(self) -> bool:
-        """True if single components of a command can be zero or keep their values, independently of the others."""
+        """True if each component of a command can be zero or keep its value, independently of other components."""
         return self.keep_probability > 0.0 or self.on_probability != (1.0, 1.0, 1.0)
 
     def steps(self, dt: float) -> int:

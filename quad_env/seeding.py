@@ -50,7 +50,7 @@ def fresh_seeds(count: int) -> list[int]:
 def _stream(number: int) -> "cached_property[np.random.Generator]":
     """Return a cached property of `EpisodeStreams`: the random generator with the index `number`.
 
-    The generator is made at the first access. Its numbers do not depend on the use of the other generators.
+    The generator is made at the first access. The numbers do not depend on the use of the other generators.
     """
 
     def make(streams: "EpisodeStreams") -> np.random.Generator:

@@ -205,12 +205,12 @@ class TrainConfig:
     every 1 to 3 s."""
     physics: PhysicsOptions = dataclasses.field(default_factory=PhysicsOptions)
     curriculum: float = parameter(0.1, limits=(0.0, 1.0))
-    """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). It rises
-    if the robots track their commands, and falls if they do not. 1: full severity from the start."""
+    """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). The
+    difficulty rises if the robots track their commands, and falls if they do not. 1: full severity from the start."""
     effort_ramp: float = parameter(0.25, limits=(0.0, 1.0))
     """Fraction of the run during which the reward weights of effort (action rate, torque, power, touch-down speed) grow
-    from zero. They change whenever all robots start new episodes, by default every million steps. 0: full weights from
-    the start."""
+    from zero. The weights change whenever all robots start new episodes, by default every million steps. 0: full
+    weights from the start."""
     max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
@@ -276,7 +276,7 @@ JOYSTICK_REWARDS = RewardWeights(
 )  # fmt: skip
 """Reward weights of the recipe `joystick`.
 
-They are modelled on the joystick task of MuJoCo Playground, with an additional reward for the gait."""
+The weights are modelled on the joystick task of MuJoCo Playground, with an additional reward for the gait."""
 _JOYSTICK = TrainConfig(
     policy="end-to-end", recipe="joystick", robot="go1", base="stand", steps=6_000_000,
     joint_authority=0.5, hip_authority=0.5, correction="scaled", inputs=Inputs(clock=2.0, clock_at_rest="hidden"),

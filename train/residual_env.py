@@ -130,13 +130,13 @@ class ResidualVectorEnv(
     """Vector environment of n robots that execute the action of a base policy plus a correction by a learner.
 
     The observation, (n, m), has the m features of each robot, see `policies.residual.Features`. The action, (n, 12),
-    has the corrections of the joint targets as fractions of the authority. If `bounded` is True, they are clipped to
-    the range -1 to 1, so that the authority is the largest correction of a joint.
+    has the corrections of the joint targets in units of `authority`, rad. If `bounded` is True, the corrections are
+    clipped to the range -1 to 1, so that `authority` is the largest correction of a joint.
 
     Each correction is applied for `hold` control steps, while the base policy acts at every control step. Exploration
     noise that changes every 10 ms would only shake a robot. Noise that lasts longer moves the robot.
 
-    A robot with a finished episode restarts in the same step. Its row of the observation is then the first observation
+    A robot with a finished episode restarts in the same step. The robot's row of `obs` is then the first observation
     of the new episode. `infos["final_obs"]` and `infos["final_info"]` have the last observation and infos of the
     finished episode.
 
@@ -217,7 +217,7 @@ class ResidualVectorEnv(
         all robots with a finished episode restart.
 
         Args:
-            actions: Correction of each joint target, divided by the authority of the joint, (n, 12).
+            actions: Correction of each joint target, in units of `authority` of the joint, (n, 12).
 
         Returns:
             Features (inputs of the network of the learner), (n, m); rewards, summed over the control steps, (n,); masks

@@ -157,7 +157,7 @@ def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 LEARNER_PACKAGES = ("stable-baselines3", "torch", "safetensors")
 """Names of the Python packages that affect a training run but not an evaluation.
 
-Their versions are recorded in addition to the versions that an evaluation records."""
+The versions of these packages are recorded in addition to the versions that an evaluation records."""
 
 
 def training_command(config: TrainConfig) -> str:
@@ -224,7 +224,8 @@ def write_settings(config: Any, steps: int, command: str) -> list[str]:
 def _sessions(path: Path) -> list[dict[str, Any]]:
     """Return the sessions that the record file of a training run lists.
 
-    A session is the part of a run that one process trains. Its dictionary has the first step and the package versions.
+    A session is the part of a run that one process trains. Each dictionary has the first step of a session and the
+    package versions.
     The list is empty if the file is missing or damaged.
     """
     try:

@@ -279,8 +279,8 @@ def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
 def segment_steps(config: TrainConfig) -> int:
     """Return the length of a segment of a training run in learner steps, summed over all robots.
 
-    All robots start new episodes at the start of a segment. So a run can be resumed there, although the states of the
-    robots are not saved. A segment consists of whole rollouts and is about as long as the longest episode.
+    All robots start new episodes at the start of a segment. So a run can be resumed at this time, although the states
+    of the robots are not saved. A segment consists of whole rollouts and is about as long as the longest episode.
     """
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
@@ -371,7 +371,7 @@ def _uses_hardware_profile(config: TrainConfig, name: str) -> bool:
 def uses_batch_threads(config: TrainConfig) -> bool:
     """Return True if different threads step the robots of different scenarios at the same time.
 
-    This requires at least as many scenarios as threads. Otherwise the scenarios are stepped in turn, and all threads
+    There must be at least as many scenarios as threads. Otherwise the scenarios are stepped in turn, and all threads
     share the robots of one scenario.
     """
     return len(robots_per_scenario(config)) >= config.threads
@@ -399,7 +399,7 @@ def with_training_options(scenario: Scenario, config: TrainConfig) -> Scenario:
         config: Settings of the training run. A kick is a short horizontal force on the trunk.
 
     Returns:
-        The scenario. It is unchanged if the options `commands` and `kicks` have their default values.
+        The scenario, unchanged if the options `commands` and `kicks` have their default values.
     """
     if config.commands == "random":
         commands = dataclasses.replace(

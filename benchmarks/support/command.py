@@ -1,6 +1,7 @@
 """Common code of the benchmark commands.
 
-It defines their common options, checks the options, runs the benchmark, prints tables, and writes the JSON file.
+The module defines the common options of the commands, checks the options, runs the benchmark, prints tables, and writes
+the JSON file.
 """
 
 import dataclasses

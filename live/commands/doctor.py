@@ -25,7 +25,7 @@ DESCRIPTION_CHECKS = (
 )
 """Checks of a policy from another project: its description, standing, and walking.
 
-They run between the two checks of `CHECKS`.
+These checks run after the check with a reference policy, and before the check that the policy loads, fits and walks.
 """
 
 

@@ -15,8 +15,9 @@ NICENESS = 5
 def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSchema) -> None:
     """Write received rows to an MCAP file until the simulation closes its end of `rows`.
 
-    This is the main function of the writer process. If the simulation is interrupted or killed, the rows that were
-    already sent are still written. Ctrl-C does not reach the process, because it starts with the signal SIGINT blocked.
+    The writer process runs this function. If the simulation is interrupted or killed, the rows that were
+    already sent are still written. Ctrl-C does not reach the process, because the process starts with the signal SIGINT
+    blocked.
 
     Args:
         rows: Connection from which the process receives the rows. A row is an array with the numbers of a control step.

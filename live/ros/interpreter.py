@@ -1,6 +1,6 @@
 """Finds a Python executable that has ROS, and sets the environment variables of the ROS process.
 
-The ROS process connects the simulated robot to ROS. Its environment variables limit ROS to this machine, unless the
+The ROS process connects the simulated robot to ROS. The environment variables limit ROS to this machine, unless the
 user allows the network.
 """
 

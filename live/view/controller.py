@@ -223,7 +223,7 @@ class ViewController:
             name: Name of the policy, one of the choices that the page offers.
 
         Raises:
-            ValueError: There are fewer robots, or the policy cannot be used for this robot.
+            ValueError: The index `robot` is too large, or the policy cannot be used for this robot.
             PolicyError: The page does not offer a policy of this name.
         """
         if robot > len(self.sessions):

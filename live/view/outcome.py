@@ -100,7 +100,7 @@ def _story(recorded: Sequence[_RecordedStep], session: Session, max_steps: int) 
 def _episodes(recorded: Sequence[_RecordedStep], session: Session, max_steps: int) -> Episodes:
     """Convert recorded control steps to the record of one episode, as an evaluation uses it.
 
-    The record starts with the first recorded step. Its pushes include the pushes that the user requested.
+    The record starts with the first recorded step. The pushes in the record include the pushes that the user requested.
 
     Args:
         recorded: Latest control steps of the episode.

@@ -61,8 +61,8 @@ _HEADERS = {
 class Server:
     """Server that exchanges texts and images with web pages, in a separate thread.
 
-    The server listens only on the loopback address HOST. It refuses requests to other host names, and requests that
-    other web sites send. The constructor raises UsageError if `port` is in use.
+    The server listens only on the loopback address HOST. The server refuses requests to other host names, and requests
+    that other web sites send. The constructor raises UsageError if `port` is in use.
 
     Args:
         port: Port of the server, 0 for any free port. None for PORT, or any free port if PORT is in use.
@@ -214,7 +214,7 @@ def _listen(port: int | None) -> socket.socket:
 
 
 def _refusal(request: Request) -> str | None:
-    """Return the reason as text if an HTTP request is refused; None if it is accepted."""
+    """Return the reason as text if an HTTP request is refused; None if the request is accepted."""
     host = request.headers.get("Host", "")
     origin = request.headers.get("Origin")
     address = urllib.parse.urlsplit(f"//{host}")

@@ -297,9 +297,9 @@ class QuadEnvBase:
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the joint targets that the servos receive, (n, 12), rad; None if they receive `targets`.
+        """Return the joint targets that the servos receive, (n, 12), rad; None if the servos receive `targets`.
 
-        `targets` are the joint targets of the policies, (n, 12), rad. They differ from the returned targets if the
+        `targets` are the joint targets of the policies, (n, 12), rad. The returned targets differ from `targets` if the
         scenario has an action delay or dropouts.
         """
         if self._action_delay is None:
@@ -320,7 +320,7 @@ class QuadEnvBase:
     def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
         """Put robots with a diverged simulation into the home pose, and return True for these robots, (k,).
 
-        Their states may contain infinite numbers or NaN; the home pose makes them finite.
+        The states of these robots may contain infinite numbers or NaN; the home pose makes the states finite.
         """
         diverged: BoolOrMask = self.simulation.diverged(env_ids)
         if any_true(diverged):
@@ -402,7 +402,7 @@ def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, A
 
     `servo` is a pair of stiffness and damping, "stiff" or None. "stiff" means the robot's gains for controllers that
     need stiff servos, and None means the robot's usual gains. The returned gains are stiffness, N·m/rad, and damping,
-    N·m·s/rad, (2, n, 12). They are None if all robots have the same gains. If the gains of the robots differ, the
+    N·m·s/rad, (2, n, 12). The gains are None if all robots have the same gains. If the gains of the robots differ, the
     returned robot model has their mean.
     """
     robot = get_robot(robot)

@@ -44,7 +44,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         rewards: Additional reward terms, name -> (function, weight), or name -> weight for a term of an extension; see
             docs/extending.md.
         observations: Additional observation terms, at the end of the observation: `quad_env.ObservationTerm`, or names
-            of terms of an extension. They are computed from the true state.
+            of terms of an extension. The terms are computed from the true state.
         actuator: A name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         sensors: Source of the observation: None or "truth" for the true state, a name from `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`. Each simulated sensor adds two keys to the infos: `sensor_<name>` is the reading,

@@ -20,7 +20,7 @@ Observation = NDArray[np.float32]
 Action = NDArray[Any]
 
 AUTHORITY = 0.5
-"""Default of `authority`, the maximum offset of a joint target from the home pose, rad."""
+"""Default of the argument `authority`: maximum offset of a joint target from the home pose, rad."""
 
 
 class HomePoseSpace(Box):
@@ -65,7 +65,7 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         return self._space.targets(action)
 
 
-# The base class has no type parameters, because it does not accept any in Gymnasium 1.2.
+# The base class has no type parameters, because Gymnasium 1.2 does not accept any.
 class VectorHomePoseActions(VectorWrapper):
     """Wrapper that gives a vector environment the action space `HomePoseSpace`; action 0 is the home pose.
 

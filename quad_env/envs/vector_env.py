@@ -296,7 +296,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._has_readings:
             infos |= compute_readings(self.simulation, self._state)
-            # The torques are set to zero at the start of an episode, because MuJoCo still has the last episode's torques.
+            # The torques are set to zero at the start of an episode, because MuJoCo's torques are from the episode
+            # before.
             infos["joint_torque"][self._schedule.step_count == 0] = 0.0
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}
@@ -306,7 +307,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
         The new keys `final_obs`, (n, size), and `final_info` hold the observations and `infos` at the end of the
         finished episodes. `terms` are the infos of mechanical power, overspeed and reward terms in the step, key ->
-        (n,); they become 0 in the finished envs.
+        (n,); these infos become 0 in the finished envs.
         """
         final = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),

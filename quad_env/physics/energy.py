@@ -152,7 +152,7 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
 
     MuJoCo's implicit integration solves (M − h D) (v' − v) = h f(v). M is the inertia matrix, h the time step, f the
     force, and D = df/dv its derivative. v and v' are the velocities before and after the step. So the joints receive
-    the explicit torque, `actuator_force`, and the implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. It includes
+    the explicit torque, `actuator_force`, and the implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. D includes
     the passive damping of the joints, which is removed here because it is no motor torque. D does not include the
     damping of motors that are at their torque limit.
 

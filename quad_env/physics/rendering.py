@@ -51,7 +51,7 @@ class Camera:
 
     Args:
         model: Model of the simulation. A free camera draws a copy of the model, without shadows and anti-aliasing,
-            because these make drawing on a processor three to six times slower.
+            because both make drawing on a processor three to six times slower.
         width: Width of an image, pixels.
         height: Height of an image, pixels.
         camera: Name of a camera of the model; None for a free camera.

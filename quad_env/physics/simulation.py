@@ -119,8 +119,8 @@ class Simulation:
     The results do not depend on n or on the number of threads. Every simulator uses MuJoCo's field names, units and
     frames, see `quad_env.physics.batch`.
 
-    ValueError is raised if the simulator does not support the scenario or an option. It is also raised if the control
-    period is not a whole number of physics steps.
+    ValueError is raised if the simulator does not support the scenario or an option. ValueError is also raised if the
+    control period is not a whole number of physics steps.
 
     Args:
         robot: Robot to simulate.
@@ -388,7 +388,7 @@ class Simulation:
             self.batch.set_const(env_ids)
 
     def _place_on_ground(self, env_ids: EnvIndices, qpos: Array) -> None:
-        """Move robots with generalised positions `qpos`, (k, 19), vertically until they just touch the ground."""
+        """Move robots vertically until their lowest points touch the ground; `qpos`, (k, 19), are their positions."""
         qpos[:, 2] += self._spawn_clearance
         self.qpos[env_ids, 2] = qpos[:, 2]
         self.batch.forward(env_ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)

@@ -1,6 +1,6 @@
 """Registry of scenarios by name, and parser of scenario names.
 
-A disturbance axis varies one disturbance. Its severity is the strength of the disturbance in a physical unit. A
+A disturbance axis varies one disturbance. The severity is the strength of the disturbance in a physical unit. A
 scenario name is one of:
 
 - a built-in scenario, `steady`;
@@ -85,7 +85,7 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
     Args:
         which: Name of a scenario, or a scenario, which is returned unchanged. A name is a disturbance axis `push`, a
-            level of an axis `push:3`, or a severity in physical units `push=42`. It can also be a combination
+            level of an axis `push:3`, or a severity in physical units `push=42`. A name can also be a combination
             `payload=15+slope=10`, or the file of a user's terrain `hill.toml`. A name may end with a suffix, for
             example `push+hardware`.
         robot: Robot, or name of a robot. Scenarios of axes and levels are scaled, so that they are as hard for the

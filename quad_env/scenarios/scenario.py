@@ -79,7 +79,7 @@ class Scenario(Settings):
 
     @property
     def suffix(self) -> str:
-        """Concatenated name suffixes of the scenario, such as `+randomised+hardware`; empty if it has none."""
+        """Concatenated name suffixes of the scenario, such as `+randomised+hardware`; empty without suffixes."""
         return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 

@@ -398,9 +398,9 @@ def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) 
 def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:
     """Return the centre height of a ball that rests on uneven ground, world frame, (n,), m.
 
-    This is the smallest height at which no tested ground point is inside the ball. The tested points under the ball are
-    a third of the radius apart. `x` and `y` are the coordinates of the ball's centre in the world frame, (n,), m.
-    `radius` is the radius of the ball, m.
+    The result is the smallest height at which no tested ground point is inside the ball. The tested points under the
+    ball are a third of the radius apart. `x` and `y` are the coordinates of the ball's centre in the world frame, (n,),
+    m. `radius` is the radius of the ball, m.
     """
     thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
     touching = [
@@ -420,7 +420,7 @@ def _normalized_surface(points: int, width: float, seed: int) -> Array:
 
     Args:
         points: Number of grid points along each side.
-        width: Standard deviation of the Gaussian kernel, in grid cells; it is half of the correlation length l.
+        width: Standard deviation of the Gaussian kernel, in grid cells: half of the correlation length l.
         seed: Seed of the noise.
 
     Returns:

@@ -34,8 +34,8 @@ class ObservationTerm:
     function: Callable[[Any], Any] | None = None
     """Function of the true state, a `QuadState`, that returns the values of the term.
 
-    It returns a scalar, or a sequence of `width` scalars; a scalar is a float for one robot, or an array (n,) for n
-    robots. None for the terms that are built into the environment.
+    The function returns a scalar, or a sequence of `width` scalars; a scalar is a float for one robot, or an array (n,)
+    for n robots. None for the terms that are built into the environment.
     """
 
     def __post_init__(self) -> None:
@@ -101,7 +101,7 @@ class ObservationTable:
         self.sensed = slice(0, self.slices["previous_action"].start)
         """Slice of the observation with the terms that sensors measure.
 
-        These are all built-in terms except `previous_action` and `command`.
+        The slice has all built-in terms except `previous_action` and `command`.
         """
         self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
         """Bound of every component of the observation, (size,); the observation space is [-bound, bound]."""

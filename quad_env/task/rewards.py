@@ -1,7 +1,7 @@
 """Reward terms, which are pure functions of the state, and their weighted values in a control step.
 
 The weights are in `config.RewardWeights`. Every term accepts a state of one robot (floats) or of n robots (arrays), see
-`columns`. The tracking terms have the usual exponential form. Their exponent contains the error e instead of e²,
+`columns`. The tracking terms have the usual exponential form, but the exponent contains the error e instead of e²,
 because the gradient of exp(-e) does not vanish at small errors.
 """
 
@@ -139,8 +139,8 @@ def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (swing duration - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
 
-    The term is 0 if the norm of the command is at most `MAX_STAND_COMMAND`. It is also 0 if the simulation does not
-    measure swing durations. The simulation measures them only if a reward or observation term needs them. The term
+    The term is 0 if the norm of the command is at most `MAX_STAND_COMMAND`. The term is also 0 if the simulation does
+    not measure swing durations. The simulation measures them only if a reward or observation term needs them. The term
     follows legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`). In these two
     projects, the term is also 0 for a command to turn on the spot.
     """

@@ -142,7 +142,7 @@ def main(options: RobotPipelineOptions) -> int:
     """Run all stages of the pipeline that are not done yet, and return the exit code.
 
     Args:
-        options: Options of the command. UsageError is raised if they are not valid.
+        options: Options of the command. UsageError is raised if an option is not valid.
 
     Returns:
         The exit code, 0.

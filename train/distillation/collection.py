@@ -69,7 +69,7 @@ class LabelCollector:
     """Simulates n robots, and records a label of each robot in every control step.
 
     A label has the inputs of the student's network and the correction of the teacher. The correction is the joint
-    target of the teacher minus the home pose, as a fraction of the authority.
+    target of the teacher minus the home pose, as a fraction of the authority (largest correction of the joint).
 
     Args:
         config: Settings of the distillation.
@@ -143,7 +143,8 @@ class LabelCollector:
 
         Returns:
             inputs: Inputs of the student's network, (n, k), with k inputs per robot.
-            corrections: Corrections of the teacher as fractions of the authority, clipped to -1 to 1, (n, 12).
+            corrections: Corrections of the teacher, clipped to -1 to 1, (n, 12); 1 is the largest correction of a
+                joint.
         """
         if self._restarted.any():
             self._teacher.reset_where(self._restarted)

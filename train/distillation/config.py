@@ -67,7 +67,7 @@ class DistillationConfig:
     """Distil a policy into a network that runs alone: dataset aggregation (DAgger) on SimpleQuad-v0."""
 
     teacher: str = "mpc_wbc"
-    """Policy to learn from: a name, the folder of a bundle, or a file of another project. It always observes the true
+    """Policy to learn from: a name, the folder of a bundle, or a file of another project. The teacher observes the true
     state; the observations of the student may have noise and delay."""
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""

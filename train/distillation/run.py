@@ -100,7 +100,7 @@ def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVector
         robot: Robot, with the servo gains of the teacher.
 
     Returns:
-        Vector environment of all robots. It does not restart robots with a finished episode automatically.
+        Vector environment of all robots, which does not restart robots with a finished episode automatically.
     """
     counts = distribute_robots(config.mixture, config.envs, robot)
     has_batch_threads = len(counts) >= config.threads

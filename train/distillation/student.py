@@ -82,7 +82,7 @@ class StudentNetwork(nn.Module):
         self.std.copy_(torch.from_numpy(np.maximum(std, np.float32(MIN_INPUT_STD))))
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
-        """Return the corrections of m samples, (m, 12), for their `inputs`, (m, k); they are not clipped."""
+        """Return the corrections of m samples, not clipped, (m, 12), for their k inputs, `inputs`, (m, k)."""
         values = (inputs - self.mean) / self.std
         for layer in self.layers[:-1]:
             values = nn.functional.elu(layer(values))
@@ -90,7 +90,7 @@ class StudentNetwork(nn.Module):
         return corrections
 
     def corrections(self, inputs: FloatArray) -> FloatArray:
-        """Return the corrections of m robots as NumPy array, (m, 12), for their `inputs`, (m, k).
+        """Return the corrections of m robots as NumPy array, (m, 12), for their k inputs, `inputs`, (m, k).
 
         The corrections are fractions of the largest correction of each joint, and clipped to the range -1 to 1.
         """

@@ -56,8 +56,8 @@ def clock_frequency(teacher: Policy) -> float:
 class PrivilegedTeacher:
     """Teacher of n robots that observes their true states.
 
-    It consists of two policies. One controls the robots on scenarios with the robot's hardware profile, which are the
-    motors, delays and sensors of the real robot. The other controls the robots on all other scenarios.
+    The teacher consists of two policies. The first controls robots on scenarios with the robot's hardware profile
+    (motors, delays and sensors of the real robot). The second controls robots on all other scenarios.
 
     Args:
         config: Settings of the distillation.

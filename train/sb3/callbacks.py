@@ -320,7 +320,7 @@ class TrainingCallback(BaseCallback):
     def _first_checkpoint_due(self) -> bool:
         """True if the first checkpoint of this process must be written now.
 
-        This is the case if the next rollout would probably end after FIRST_CHECKPOINT_DEADLINE.
+        The checkpoint is due if the next rollout would probably end after FIRST_CHECKPOINT_DEADLINE.
         """
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
         worked = time.monotonic() - self._session_start

@@ -1,6 +1,6 @@
 """Makes the learner of a training run, PPO of Stable-Baselines3 (SB3), and converts its actor to a NumPy network.
 
-The actor (policy network) computes corrections of the base policy. Their mean is zero at the start of a run.
+The actor (policy network) computes corrections of the base policy. The mean correction is zero at the start of a run.
 """
 
 import dataclasses

@@ -1,7 +1,7 @@
 """Search of policy parameters by CMA-ES: options, problem, generations, and output files.
 
 A candidate is a set of parameters. All candidates of a generation are simulated together on the same episodes. Every
-generation has new episodes. Their seeds belong to the purpose "search", so that no training or evaluation uses them.
+generation has new episodes. No training or evaluation uses the seeds of these episodes.
 The result is written as JSON. A report in Markdown describes the search and the change of the parameters.
 """
 

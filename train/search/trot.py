@@ -42,7 +42,7 @@ The linear response of the gait to velocity commands is measured on the first sc
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 """Names of the trot parameters that CMA-ES does not search, but that are fitted by least squares afterwards.
 
-They define the command map, which converts a velocity command to the input of the gait."""
+The parameters define the command map, which converts a velocity command to the input of the gait."""
 MIN_RESPONSE = 0.7
 """Ratio of achieved to commanded velocity below which a candidate of the trot search has an extra cost.
 
@@ -176,8 +176,8 @@ def candidate_costs(
     """Compute the cost of each candidate of the trot search, averaged over all episodes and scenarios.
 
     The command map of a candidate is fitted after the search. So the tracking error of an episode is not the difference
-    from the command. It is the difference from the velocity that the candidate's linear response predicts for the
-    command. The response is measured on the first scenario. A weak response has an extra cost.
+    from the command, but from the velocity that the candidate's linear response predicts for the command. The response
+    is measured on the first scenario. A weak response has an extra cost.
 
     Args:
         candidates: Parameters of each candidate.
@@ -220,7 +220,7 @@ def fit_command_map(
         scenario_names: Names of the scenarios of the search. Only the first one is simulated.
 
     Returns:
-        The parameters with the command map that inverts the response. They are unchanged if the response is too weak.
+        The parameters with the command map that inverts the response; unchanged if the response is too weak.
     """
     (walk,) = run_candidates(
         "trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware

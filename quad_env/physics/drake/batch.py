@@ -54,7 +54,7 @@ class DrakeBatch(ArrayBatch):
         super().__init__(model, num_envs, (*_STEPPED_FIELDS, "xanchor", "site_xpos"))
         self._drake = build_plant(model)
         self._root_contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
-        """Drake contexts of the whole diagram, which are stored because they keep the plant's contexts alive."""
+        """Drake contexts of the whole diagram, which are stored to keep the contexts of the plant alive."""
         self._contexts = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._root_contexts))
         self._contact_counts = np.zeros((num_envs, model.ngeom))
         """Number of ground contacts of each geom in the last physics step, (n, ngeom)."""

@@ -58,8 +58,8 @@ def build_plant(model: mujoco.MjModel) -> Plant:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     builder = DiagramBuilder()
-    # The approximation "lagged" computes friction with the normal force of the last step. It is used because convex
-    # approximations lift sliding bodies off the ground.
+    # The approximation "lagged" computes friction with the normal force of the last step. Convex approximations are
+    # not used, because they lift sliding bodies off the ground.
     config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation="lagged")
     config.use_sampled_output_ports = config.adjacent_bodies_collision_filters = False
     plant, scene = multibody.AddMultibodyPlant(config, builder)
@@ -192,8 +192,8 @@ def _add_geoms(
 def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
     """Compute Drake's friction coefficients of `geoms`, for the same friction on the ground as in MuJoCo.
 
-    In MuJoCo, the contact of a geom with the ground has the coefficient µ. It is the coefficient of the ground if the
-    ground has priority, and otherwise the larger coefficient of geom and ground. In Drake, it is the harmonic mean
+    In MuJoCo, the contact of a geom with the ground has the coefficient µ, which is the coefficient of the ground if
+    the ground has priority, and otherwise the larger coefficient of geom and ground. In Drake, µ is the harmonic mean
     2 a g / (a + g) of the coefficients a of the geom and g of the ground. With g as the largest µ of all geoms, this
     gives a = µ g / (2 g − µ). `geoms` are MuJoCo's ids of the geoms, and `ground` is the id of a ground geom.
     """
