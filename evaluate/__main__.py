@@ -34,7 +34,7 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
-"""Subcommands of `python -m evaluate`: name -> module, and one line for the list of subcommands."""
+"""Name of a subcommand of `python -m evaluate` -> its module, and its one-line description for --help."""
 _RESEARCH = "calibration estimation gaits jump readme recovery"
 """Names of subcommands of older versions that are now subcommands of `python -m research`."""
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
@@ -61,7 +61,9 @@ def compare(words: list[str]) -> int:
     if words and not words[0].startswith("-"):
         words = ["--policies", *words]
     plan = _plan(words)
-    from evaluate.commands.execution import execute  # The slow import is last: wrong options are reported before it.
+    from evaluate.commands.execution import (
+        execute,
+    )  # The slow import is last, so that errors in options are shown at once.
 
     return execute(plan)
 

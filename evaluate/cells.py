@@ -34,10 +34,10 @@ class LabelledPolicy:
     only_on: tuple[str, ...] = ()
     """Names of the scenarios that the policy is restricted to; empty if the policy runs on all scenarios."""
     hardware_policy: Policy | None = None
-    """The same policy as a second object, made for the hardware profile of the robot.
+    """Second object of the same policy, made for the scenarios with the hardware profile of the robot.
 
-    The hardware profile consists of models of the robot's real motors and sensors. The value is None if `policy` runs
-    on all scenarios.
+    The hardware profile consists of models of the robot's real motors and sensors. The value is None if the object
+    `policy` runs on all scenarios.
     """
 
     def runs_on(self, scenario: Scenario) -> bool:
@@ -65,9 +65,9 @@ def load_labelled_policy(
     trust: bool = False,
     only_on: Sequence[str] = (),
 ) -> LabelledPolicy:
-    """Load a policy for an evaluation, in a second version for the hardware profile if it is needed.
+    """Load a policy for an evaluation, and a second object of it for the hardware profile if necessary.
 
-    The hardware profile consists of models of the motors, sensors and delays of the real robot. The second version is
+    The hardware profile consists of models of the motors, sensors and delays of the real robot. The second object is
     loaded if the policy runs both on scenarios with the hardware profile and on scenarios without it.
 
     Args:
@@ -78,8 +78,8 @@ def load_labelled_policy(
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
 
     Returns:
-        The policy with its label. A policy in a process of its own is loaded only once, because it brings its own servo
-        gains.
+        The policy with its label. An external policy (from a user's file, run in a subprocess) is loaded only once,
+        because its servo gains do not depend on the hardware profile.
     """
     profiles = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
     policy = hardware.policy(label, trust, on_hardware_profile=profiles == {True})
@@ -180,7 +180,7 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
 
 
 def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Join the measures of extensions, which users have registered, over all subsets of episodes.
+    """Join the measures that users have registered in extensions, over all subsets of episodes.
 
     Args:
         cells: Result of each subset of the episodes of one policy on one scenario.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Hardware settings of the simulated robots: robot, servo gains, motors, sensors, estimator and simulator.
+    """Settings of the simulated hardware: robot, servo gains, motors, sensors, estimator and simulator.
 
     Environments and policies of one evaluation or training run are made from the same object. Each field except `servo`
     has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
@@ -40,11 +40,11 @@ class HardwareConfig:
     own servo gains.
     """
     simulator: str = "mujoco"
-    """Name of the physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
+    """Name of the physics simulator, `mujoco` or `drake`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """Robot object that the field `robot` names, with the servo gains of the field `servo` if they are given.
+        """Robot object that the field `robot` names, with the servo gains of the field `servo` if given.
 
         The property loads the robot. It raises ValueError if `servo` is not `stiffness/damping`, and the errors of
         `quad_env.robots.registry.get_robot` if the robot cannot be loaded.
@@ -65,7 +65,7 @@ class HardwareConfig:
             raise ValueError(f"{fact}; got {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Return keyword arguments of `SimpleQuadVectorEnv`, for an environment with this hardware and a policy.
+        """Return keyword arguments of `SimpleQuadVectorEnv` for an environment with this hardware.
 
         Args:
             robot: Robot of the policy. The environment's robot gets the servo gains of this robot.
@@ -106,7 +106,7 @@ class HardwareConfig:
 
     @property
     def is_customized(self) -> bool:
-        """True if the motor model, the sensor model or the estimator differs from the default in IDEAL."""
+        """True if the motor model, the sensor model or the state estimator is not the default of its field."""
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
@@ -118,7 +118,7 @@ The policies observe the true state instead of the output of a state estimator.
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Describe in words the settings of `hardware` that differ from the default, for example ` Robot: go1.`.
+    """Describe in words the settings of `hardware` that are not the default, for example ` Robot: go1.`.
 
     The text has sentences for these settings only, each with a space before it, so that it can be appended to another
     sentence. It is empty for the default hardware.
@@ -179,7 +179,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
     try:
         robot = hardware.robot_model
-    except (OSError, ImportError) as error:  # These are raised if the robot's file or a required package is missing.
+    except (OSError, ImportError) as error:  # The robot's file or a required package is missing.
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _print_warnings(robot)

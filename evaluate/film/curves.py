@@ -22,10 +22,10 @@ def curves(episodes: Episodes, end: int) -> dict[str, Any]:
         end: Number of control steps of the curves.
 
     Returns:
-        Name of a signal -> list of its components. A component is a list with its value at the end of each control
-        step. `torque_share` has a component for each leg: the largest ratio of torque to torque limit among its joints.
-        `given` is tilt and velocity as the policy observes them, from `estimated_state`. It is missing if the
-        observation was not recorded.
+        Name of a signal, for example `tilt` -> list of its components. A component is a list with its value at the end
+        of each control step. `torque_share` has a component for each leg: the largest ratio of torque to torque limit
+        among its joints. `given` is tilt and velocity as the policy observes them, from `estimated_state`. The key
+        `given` is missing if the observation was not recorded.
     """
     signals = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
     torque_share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)

@@ -26,7 +26,7 @@ PAGE_RENDER_OPTIONS = RenderOptions((480, 300), camera=None, rate=20.0)
 QUALITY = 70
 """Quality of the WebP images on an episode's HTML page, 0 … 100."""
 LEAD = 1.0
-"""Time before the first fall or cause of failure at which an episode's HTML page starts the playback, s."""
+"""Time between the start of the playback on an episode's HTML page and the fall or cause of failure, s."""
 
 
 def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
@@ -90,7 +90,8 @@ def _episode_json(policy: LabelledPolicy, spec: FilmSpec, progress: Progress) ->
         progress: Function that receives the completed fraction of the work, 0 … 1.
 
     Returns:
-        Dictionary that the script of the page reads: key -> JSON value.
+        Dictionary that the script of the page reads: key -> JSON value. Examples of keys are `frames` (images),
+        `curves` (signals), `events` and `verdict` (outcome of the episode).
     """
     frames = []
     with closing(EpisodeView(policy, spec, PAGE_RENDER_OPTIONS)) as view:

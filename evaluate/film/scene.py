@@ -38,7 +38,10 @@ AHEAD = 0.5
 The value is valid for the robot SimpleQuad, and is scaled to the size of other robots.
 """
 _FORCE = 0.2
-"""Length of the arrow of a push if the force equals the weight of the robot, for the robot SimpleQuad, m."""
+"""Length of the arrow of a push with a force equal to the robot's weight, m.
+
+The value is valid for the robot SimpleQuad, and is scaled to the size of other robots.
+"""
 _RADIUS = 0.018
 """Radius of the shaft of an arrow, for the robot SimpleQuad, m."""
 _ABOVE = 0.22
@@ -81,7 +84,7 @@ class Scene:
     def velocity(self) -> Array:
         """Displayed velocity: forward and leftward velocity, m/s, and yaw rate, rad/s, heading frame, (3,).
 
-        It is the mean over the last VELOCITY_WINDOW.
+        It is the mean over the latest period of VELOCITY_WINDOW.
         """
         return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
 
@@ -107,7 +110,7 @@ class Scene:
         return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
-        """Return the arrows of the commanded velocity, of the robot's velocity, and of a recent push."""
+        """Return the arrows that show the commanded velocity, the robot's velocity, and a recent push."""
         robot = self.step.env.robot
         trunk = self.step.infos["position"][0]
         payload = self.step.env.scenario.payload

@@ -106,7 +106,7 @@ class RenderOptions:
 
 
 def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions = RenderOptions()) -> None:
-    """Film an episode, and write the film to a file (MP4, WebP, GIF or PNG).
+    """Simulate and film an episode, and write the film to a file (MP4, WebP, GIF or PNG).
 
     ValueError is raised if the camera does not exist or if a policy is for another robot. UsageError is raised if this
     machine cannot render or if the film is too long for its format. OSError is raised if the file cannot be written.
@@ -130,7 +130,8 @@ def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) ->
     """Render the frames of a film until all robots have fallen, or until the end of the episode.
 
     The film continues for POST_FALL_TIME after the last fall. The last frame shows the outcome of the episode of each
-    policy. The errors of the function `film` are raised.
+    policy. ValueError is raised if the camera does not exist or if a policy is for another robot. UsageError is raised
+    if this machine cannot render.
 
     Args:
         spec: Episode and policies to film.
@@ -296,7 +297,7 @@ class EpisodeView:
         """Return the text and the colour of the caption for the state of the episode.
 
         The text is empty while the robot walks normally. The caption of the last frame is the outcome of the episode.
-        An episode that is shorter than SETTLING_TIME has no outcome.
+        An episode that is shorter than the first second, which no measure counts, has no outcome.
 
         Args:
             last: True for the last frame of the film.

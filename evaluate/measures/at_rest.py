@@ -1,8 +1,9 @@
 """Controlled stops: episodes in which the robot lowers itself to the ground and comes to rest.
 
 An episode ends in a controlled stop if three conditions hold. In its last second, the trunk leans less than 30° and
-sinks slower than 0.3 m/s. At its end, the trunk's centre is below 0.3 m. The episode ends by the fall rule, or with the
-joints at rest. An episode that ends in a controlled stop does not count as a fall.
+sinks slower than 0.3 m/s. At its end, the trunk's centre is below 0.3 m. The episode ends because a condition for a
+fall holds (contact of the trunk, tilt or height), or it ends with the joints at rest. An episode that ends in a
+controlled stop does not count as a fall.
 """
 
 import numpy as np
@@ -28,7 +29,7 @@ MIN_REST_TIME = 0.2
 
 
 def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return True for the `episodes` that ended in a controlled stop (robot lies down gently), (n,)."""
+    """Return True for each of n `episodes` that ended in a controlled stop (robot lies down gently), (n,)."""
     steps = episodes.steps
     dt = episodes.dt
     end = np.minimum(episodes.fall_step, steps - 1)

@@ -26,7 +26,7 @@ def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
 
 
 def total(values: Floats) -> Floats:
-    """Return the sum of `values`, (steps, n, …), over the control steps, (n, …).
+    """Return the sum of `values`, (steps, n, …), over the control steps of each of n episodes, (n, …).
 
     The values are first copied to contiguous memory, because the memory layout determines the order of the additions,
     and the order changes the last bits of the sum.
@@ -35,7 +35,7 @@ def total(values: Floats) -> Floats:
 
 
 def count(mask: Bools) -> NDArray[np.int64]:
-    """Count the control steps in which `mask`, (steps, n, …), is True; the counts are integers, (n, …)."""
+    """Count the control steps of each of n episodes in which `mask`, (steps, n, …), is True, (n, …)."""
     return np.asarray(np.count_nonzero(mask, axis=0))
 
 
@@ -75,10 +75,10 @@ def quotient(sums: Numbers, counts: Numbers) -> Floats:
 
 
 def planar(vectors: Floats) -> Floats:
-    """Return the horizontal length of `vectors`, (…, k), from their x and y components, (…)."""
+    """Return the horizontal length, (…), of `vectors`, (…, k): the first two of k components are x and y."""
     return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 
 def over_steps(mask: NDArray[Entry], values: NDArray[Any]) -> NDArray[Entry]:
-    """Append array axes of length 1 to `mask`, (steps, n), so that the mask broadcasts with `values`."""
+    """Append axes of length 1 to `mask`, (steps, n), so that it broadcasts with `values`, (steps, n, …)."""
     return mask.reshape(mask.shape + (1,) * (values.ndim - mask.ndim))

@@ -23,7 +23,7 @@ SUMS = ("positive_work", "regeneration", "joule_heat")
 
 
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """Compute the measures of motor effort.
+    """Compute the measures of motor effort, such as energy and cost of transport.
 
     Args:
         episodes: Recorded episodes.
@@ -68,7 +68,7 @@ def _sum(signal: Recorded, counted: Bools) -> Floats:
 
 
 def _peaks(signal: Recorded, counted: Bools) -> Floats:
-    """Return the largest value of a signal of each joint in the counted control steps.
+    """Return the largest value of a joint signal, for each joint, in the counted control steps.
 
     Args:
         signal: Signal that is not negative, (steps, n, 12).

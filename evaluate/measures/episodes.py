@@ -107,14 +107,15 @@ class Episodes:
     push_steps: int
     """Duration of a push, in control steps."""
     fall_step: NDArray[np.int64]
-    """First control step after which the robot had fallen or the simulation had diverged, (n,).
+    """First control step after which the robot had fallen or the simulation was unstable (diverged), (n,).
 
     It is the number of control steps, `steps`, if neither happened.
     """
     fall_reason: NDArray[np.object_]
     """Reason for the fall in each episode, (n,).
 
-    It is the name of the fall rule, `diverged` if the simulation became unstable, or None if the robot did not fall.
+    It is the name of the condition that ended the episode, for example `trunk_contact`. It is `diverged` if the
+    simulation became unstable, and None if the robot did not fall.
     """
     divergence_step: NDArray[np.int64]
     """First control step after which the simulation had diverged, (n,).
@@ -151,13 +152,13 @@ class Episodes:
     def settling(self) -> int:
         """Number of control steps at the start of an episode that do not enter measures of tracking or effort.
 
-        The duration of these steps is `tracking.SETTLING_TIME`.
+        These steps are the first second of the episode, `tracking.SETTLING_TIME`.
         """
         return round(tracking.SETTLING_TIME / self.dt)
 
     @property
     def intervals(self) -> tracking.CommandIntervals:
-        """Intervals of an episode in which the command is constant."""
+        """Intervals of an episode in which the velocity command is constant, as slices of its control steps."""
         return tracking.command_intervals(self.steps, self.command_steps, self.settling)
 
     @property
@@ -172,7 +173,7 @@ class Episodes:
 
     @property
     def diverged(self) -> Bools:
-        """True for episodes that ended because the simulation diverged, rather than by the fall rule, (n,)."""
+        """True for episodes that ended because the simulation became unstable (diverged), (n,)."""
         return np.asarray((self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps))
 
 

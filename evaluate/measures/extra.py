@@ -75,7 +75,7 @@ def compute_extra(episodes: Episodes) -> dict[str, Floats]:
 
 
 def definition(name: str) -> Measure:
-    """Return the definition of the measure `name`, of this project or of an extension.
+    """Return the definition of the measure `name`, which this project or an extension has defined.
 
     If the extension is not installed, the definition has no unit, frame or formula.
     """

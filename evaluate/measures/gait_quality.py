@@ -19,7 +19,7 @@ A touch-down starts with the control step in which the foot lands, and lasts a w
 
 
 def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
-    """Compute the measures of the gait.
+    """Compute the measures of the gait, such as step rate and duty factor.
 
     Args:
         episodes: Recorded episodes.

@@ -77,7 +77,7 @@ class Measures:
     push_fell: Floats
     """1 if a fall is attributed to the push, otherwise 0, for each of k pushes, (n, k); NaN after a fall."""
     cause: NDArray[np.object_]
-    """Cause of the failure in each episode, one of `evaluate.causes.rules.CAUSES`, (n,).
+    """Name of the cause of failure in each episode, for example `trip`, (n,).
 
     It is None if the episode succeeded, or if the cause is not known.
     """
@@ -104,7 +104,7 @@ MEASURE_NAMES = tuple(each.name for each in fields(Measures) if each.name != "ex
 def measure(episodes: Episodes) -> Measures:
     """Compute all measures of recorded episodes except the causes of failure.
 
-    `evaluate.causes.verdict.with_causes` adds the causes of failure.
+    The function `evaluate.causes.verdict.with_causes` adds the causes of failure to the measures.
     """
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
@@ -138,7 +138,7 @@ def outcome(
         tracking_measures: Name -> measure of command tracking; None to compute these measures from the episodes.
 
     Returns:
-        One of OUTCOMES for each episode, (n,).
+        Name of the outcome of each episode, one of OUTCOMES, (n,).
     """
     upright = upright_steps(episodes.fall_step, episodes.steps)
     if not tracking_measures:

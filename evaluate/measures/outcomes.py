@@ -18,10 +18,11 @@ OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 MIN_PROGRESS = 0.25
 """Minimum progress: fraction of the commanded distance that a robot must cover in the commanded direction.
 
-An episode in which an upright robot makes less progress has the outcome `stalled`.
+An episode has the outcome `stalled` if the upright robot makes less progress in the whole episode, or in an interval of
+constant command.
 """
 MOVING = 0.05
-"""Commanded planar speed above which a command interval requires MIN_PROGRESS, m/s.
+"""Commanded planar speed above which the robot must make a minimum progress (MIN_PROGRESS), m/s.
 
 In intervals with a lower commanded speed, only the tolerances of the success rule decide about success.
 """
@@ -37,11 +38,11 @@ class SuccessRule:
     angular: float
     """Tolerance of the yaw-rate error, rad/s."""
     share: float
-    """Additional tolerance: fraction of the commanded planar speed, and of the commanded yaw rate."""
+    """Fraction of the commanded planar speed, and of the commanded yaw rate, that is added to its tolerance."""
     stalls: bool = True
     """True if an episode fails when the robot covers too little of the commanded distance in a command interval.
 
-    The minimum fraction is MIN_PROGRESS. It is required even if the velocity error is within the tolerances.
+    The robot must cover at least the fraction MIN_PROGRESS, even if the velocity error is within the tolerances.
     """
     of_steps: bool = False
     """True if the tolerances apply to the mean error over the control steps of an episode.
@@ -96,7 +97,7 @@ class SuccessRule:
         """Return True for command intervals in which the robot stalls, that is, covers too little distance.
 
         The robot stalls if its speed along the command is below MIN_PROGRESS times the commanded speed. The result is
-        False for intervals with a commanded speed of at most MOVING.
+        False for intervals with a commanded planar speed of at most MOVING (nearly standing).
 
         Args:
             commands: Command of each of k intervals of constant command, heading frame, (n, k, 3): forward and lateral
@@ -182,7 +183,7 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
         rule: Success rule, with the tolerances.
 
     Returns:
-        One of OUTCOMES for each episode, (n,).
+        Name of the outcome of each episode, one of OUTCOMES, (n,).
     """
     stalled = rule.stalled(commands, velocities).any(axis=1)
     stalled |= commanded_progress(commands, velocities, durations) < MIN_PROGRESS

@@ -1,6 +1,6 @@
 """Measures of pushes on the trunk: time and impulse of each push, and the falls that follow.
 
-Arrays have the shape (n, k, …) for k pushes in each of n episodes. They are NaN for pushes after a fall.
+Arrays have the shape (n, k, …) for k pushes in each of n episodes. Their values are NaN for pushes after a fall.
 """
 
 import numpy as np

@@ -34,7 +34,7 @@ def command_intervals(steps: int, command_steps: int, settling: int) -> CommandI
     Args:
         steps: Number of control steps of the episode.
         command_steps: Duration of a command interval, in control steps.
-        settling: Number of control steps in SETTLING_TIME.
+        settling: Number of control steps in the first second (SETTLING_TIME), which is excluded.
 
     Returns:
         Slices of the control steps of all command intervals.
@@ -120,7 +120,7 @@ def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windo
 
 
 def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
-    """Return the command of each interval of constant command.
+    """Return the velocity command of each interval of constant command.
 
     Args:
         command: Command, heading frame, (steps, n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.

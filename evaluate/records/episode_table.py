@@ -42,11 +42,11 @@ _MISSING = b"missing"
 class _ListColumn:
     """Layout of a column of episodes.parquet for a measure with several values (a list) per episode.
 
-    A column with this layout is made for a measure that the file lacks.
+    If an older file lacks the measure, a column with this layout, filled with null, is added to its table.
     """
 
     length: int
-    """Number of entries of the list in each row, if the file has no column in `siblings`."""
+    """Number of entries of the list in each row of the added column, if the file has no column in `siblings`."""
     siblings: tuple[str, ...] = ()
     """Names of other columns that have lists of the same length in each row.
 
@@ -271,7 +271,8 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
     """Convert the values of a measure in n episodes to a column of an Arrow table.
 
     Args:
-        values: Numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m).
+        values: Numbers, bools or texts, (n,); k numbers for each episode, (n, k); or k vectors with m components for
+            each episode, (n, k, m).
 
     Returns:
         The column, with one entry per episode. An array (n, k) becomes lists of k numbers, and an array (n, k, m)
@@ -280,7 +281,7 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
-        return pa.array(values, from_pandas=True)  # The option converts NaN to null.
+        return pa.array(values, from_pandas=True)  # `from_pandas` converts NaN to null.
     kind = pa.float64()
     for _ in range(values.ndim - 1):
         kind = pa.list_(kind)
@@ -288,10 +289,10 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
 
 
 def _nullable(values: NDArray[Any]) -> Any:
-    """Convert an array of numbers to nested lists with None instead of NaN.
+    """Convert the values of a measure in one episode to nested lists with None instead of NaN.
 
     Args:
-        values: Numbers, (k,) or (k, m).
+        values: k numbers, (k,), or k vectors with m components, (k, m).
 
     Returns:
         List of k numbers, or list of k vectors. A vector that consists only of NaN becomes None.
@@ -302,14 +303,15 @@ def _nullable(values: NDArray[Any]) -> Any:
 
 
 def _to_numpy(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Convert a column of a table of episodes back to the array from which `_to_arrow` made the column.
+    """Convert a column of the table of episodes to an array, as the inverse of `_to_arrow`.
 
     Args:
         rows: Table with one row for each of n episodes.
         name: Name of the column.
 
     Returns:
-        Values of the measure, (n,), (n, k) or (n, k, m), with NaN instead of null.
+        Values of the measure, with NaN instead of null: (n,), (n, k) for k numbers in each episode, or (n, k, m) for k
+        vectors with m components in each episode.
     """
     column = rows.column(name)
     field = rows.schema.field(name)

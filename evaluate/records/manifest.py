@@ -44,15 +44,15 @@ _SHA256 = "sha256"
 _NOT_PROVENANCE = ("options", "date", "fingerprint")
 """Names of the fields of a manifest that have no influence on the results of the evaluation."""
 _NOT_COMPARED = {"git_revision"}
-"""Names of versions that are not compared between two runs.
+"""Names of the software versions that are not compared between two runs (evaluations).
 
 The git revision is not compared because the hash of the code already shows every change of the code.
 """
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Names of versions that do not enter the fingerprint (hash of all inputs) of an evaluation.
+"""Names of the software versions that do not enter the fingerprint (hash of all inputs) of an evaluation.
 
-They are left out because they do not always affect the results. The command `compare` reports a difference in all of
-these versions except the git revision.
+These versions do not always affect the results. The command `compare` reports a difference in all of them except the
+git revision.
 """
 
 
@@ -72,7 +72,8 @@ class Manifest:
     episodes: int
     """Number of episodes of each policy on each scenario.
 
-    In a run with `--until settled`, it is the number at the latest interim analysis.
+    A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. The value is
+    then the number of episodes at the latest interim analysis.
     """
     steps: int
     """Number of control steps after which an episode ends at the latest (its time limit)."""
@@ -96,10 +97,14 @@ class Manifest:
     limit: int = 0
     """Maximum number of episodes of each policy on each scenario in a run with `--until settled`.
 
-    It is 0 for a run with a fixed number of episodes.
+    This run adds episodes until adjacent policies of the ranking are distinguished. The value is 0 for a run with a
+    fixed number of episodes.
     """
     ended: str = ""
-    """Reason why a run with `--until settled` ended; empty before its end, and for all other runs."""
+    """Reason why a run with `--until settled` ended; empty before its end, and for all other runs.
+
+    This run adds episodes until adjacent policies of the ranking are distinguished.
+    """
     date: str = ""
     """Date on which the run started, UTC; empty if it was not recorded."""
     fingerprint: str = ""
@@ -117,7 +122,7 @@ class Manifest:
 
     @property
     def is_unsettled(self) -> bool:
-        """True for a run with `--until settled` that will simulate further episodes, because it has not ended."""
+        """True for a run that has a variable number of episodes (`--until settled`) and has not ended."""
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
@@ -127,8 +132,8 @@ class Manifest:
     def until_settled(self) -> "Manifest":
         """Convert the manifest of a run with a fixed number of episodes to a run with `--until settled`.
 
-        The fixed number of episodes becomes the maximum number of episodes. The number of episodes becomes the number
-        at the first interim analysis.
+        This run adds episodes until adjacent policies of the ranking are distinguished. The fixed number of episodes
+        becomes the maximum number of episodes. The number of episodes becomes the number at the first interim analysis.
         """
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
@@ -231,7 +236,7 @@ def _parse(path: Path) -> Manifest:
         The manifest.
 
     Raises:
-        ValueError: The file has another format.
+        ValueError: The file has another version of the format than SCHEMA.
         UsageError: The evaluation used other versions of the rules for success, energy or causes, or the file has been
             changed.
     """
@@ -286,8 +291,8 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
         provenance: Fields of the manifest except options, date and fingerprint: name -> JSON value.
 
     Returns:
-        The hash. It does not depend on the number of threads, and it stays the same while a run with `--until settled`
-        adds episodes.
+        The hash. It does not depend on the number of threads. It stays the same while a run with `--until settled` adds
+        episodes until adjacent policies of the ranking are distinguished.
     """
     versions = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
     inputs = {name: value for name, value in provenance.items() if name != "ended"}

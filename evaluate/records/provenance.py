@@ -170,7 +170,7 @@ def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
     """Convert a syntax tree of Python code to words, in which docstrings are left out.
 
     Absent and empty fields of syntax nodes are left out as well. The words therefore do not depend on the Python
-    version; the output of `ast.dump` does.
+    version. The output of `ast.dump` is not used, because it depends on the Python version.
 
     Args:
         node: Root of the syntax tree.
@@ -207,8 +207,8 @@ def policy_digest(*policies: Policy) -> str:
     """Return the SHA-256 of policies: their classes and all of their attributes, such as network weights.
 
     Args:
-        *policies: Policy objects that have not run yet, because attributes change while a policy runs. For the policy
-            of one label, these are one or two objects (without and with the hardware profile).
+        *policies: Policy objects that have not run yet, because attributes change while a policy runs. A policy with
+            one label has one object, or a second object for scenarios with the hardware profile.
 
     Returns:
         The hash as text, after a prefix with the version of the algorithm.

@@ -274,7 +274,7 @@ def remove_chunks(folder: Path, but: str = "") -> None:
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # The error is raised if the folder does not exist or contains other files.
+    except OSError:  # The subfolder does not exist, or it contains other files.
         return
 
 

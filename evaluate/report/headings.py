@@ -42,7 +42,7 @@ _DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
 
 
 def format_effort(name: str, value: float) -> str:
-    """Format the `value` of the effort measure `name`; the text has neither unit nor interval."""
+    """Format the `value` of the effort measure `name` as text; the unit and the interval are left out."""
     return estimate_effort(name, value, (math.nan, math.nan)).value
 
 

@@ -26,7 +26,15 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
 
 
 def contents(sections: str, label: str = "Contents") -> str:
-    """Create a navigation bar with links to all sections in the HTML of `sections`; `label` is its name."""
+    """Create a navigation bar with links to all sections in the HTML of a page.
+
+    Args:
+        sections: HTML of all sections of the page.
+        label: Name of the navigation bar for screen readers.
+
+    Returns:
+        HTML of the navigation bar.
+    """
     anchors = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
     links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in anchors)
     return f'<nav aria-label="{label}"><ul>{links}</ul></nav>\n'

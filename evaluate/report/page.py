@@ -44,7 +44,7 @@ Origin = tuple[str, str]
 
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
-    """Write the HTML report of a run.
+    """Write the HTML report of a run (evaluation).
 
     Args:
         results: Results of the run.
@@ -122,7 +122,7 @@ def _notes(results: Results) -> str:
 
 
 def list_warnings(results: Results) -> list[str]:
-    """Return the warnings on a run: policies with errors, and an early end of `--until settled`."""
+    """Return the warnings on a run: policies with errors, and an early end by a sequential test."""
     lines = [
         f"{errors.policy} failed in {errors.failed} of {with_count(errors.episodes, 'episode')}; "
         f"in the first it {errors.first}"

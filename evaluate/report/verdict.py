@@ -70,7 +70,10 @@ def unranked_text(results: Results) -> str:
 
 
 def adjacent_pair_lines(ranked: Ranking) -> Iterator[str]:
-    """Yield a line for each pair of adjacent policies: their difference over all and on single scenarios."""
+    """Yield a line of text on the difference in success of each pair of adjacent policies.
+
+    The line describes the difference over all scenarios, and the differences on single scenarios.
+    """
     for pair in ranked.neighbours:
         yield f"{_overall_text(pair, ranked.episodes)}{_per_scenario_text(pair, ranked)}"
 
@@ -140,7 +143,7 @@ def _overall_text(pair: AdjacentPair, episodes: int) -> str:
 
 
 def _needed_text(episodes: float) -> str:
-    """Format the number of needed `episodes` with two significant digits, or as `more than` a maximum."""
+    """Format the number of `episodes` needed to distinguish two policies: two digits, or `more than` …."""
     if episodes <= MAX_REPORTED_EPISODES:
         return f"about {float(f'{episodes:.2g}'):.0f}"
     return f"more than {MAX_REPORTED_EPISODES}"
@@ -149,8 +152,8 @@ def _needed_text(episodes: float) -> str:
 def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
     """Describe the differences of two adjacent policies on single scenarios, in words.
 
-    The text is needed, because a result on a single scenario may seem to contradict the result over all scenarios. It
-    is empty if there is only one scenario.
+    The text is needed, because a result on a single scenario may seem to contradict the result over all scenarios. The
+    text is empty if there is only one scenario.
     """
     if len(ranked.scenarios) == 1:
         return ""

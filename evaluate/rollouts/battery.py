@@ -30,7 +30,10 @@ NOMINAL = ("flat", "push", "rough")
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Name of a disturbance axis -> numbers of its severity levels in the battery `quick`; level 1 is the mildest."""
 LEVELS_ABOVE_NOMINAL = 2
-"""Number of severity levels above the nominal level that the battery `default` has on each disturbance axis."""
+"""Number of severity levels above the nominal level that the battery `default` has on each disturbance axis.
+
+The nominal level is the severity of the scenario that has the name of the axis, for example `push`.
+"""
 ALL = "all"
 """Name of the battery (list) of all nominal scenarios; in `push:all`, it selects all levels of the axis `push`."""
 _FILE_SEPARATOR = ".py:"
@@ -52,6 +55,8 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
 """Name of a battery -> function that receives a robot and returns the scenarios of the battery.
+
+The nominal severity level of a disturbance axis is the level of the scenario with its name, for example `push`.
 
 - quick: a few scenarios for a first impression.
 - default: every disturbance axis at its nominal severity level and the next two levels. With the hardware profile
@@ -155,16 +160,16 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
 def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
     """Return the scenarios with the hardware profile in the battery `default`, scaled to the `robot`.
 
-    They are `flat`, `steady`, and each disturbance axis at one severity level above nominal.
+    They are `flat`, `steady`, and one scenario of each disturbance axis: the severity level above the nominal level.
     """
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
     return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    """Return the `scenarios` with the hardware profile (models of the real motors, sensors and delays).
+    """Return the `scenarios`, changed to the hardware profile (models of real motors, sensors and delays).
 
-    A scenario that occurs twice after this change is returned only once.
+    If two changed scenarios have the same name, only one of them is returned.
     """
     return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 

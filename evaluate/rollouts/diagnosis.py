@@ -30,14 +30,17 @@ The walk in a curve is needed to detect a wrong frame, because world frame and b
 """
 SEEDS = episode_seeds("search", 0, 2)
 SCREENING_COMMANDS = {"in a curve": COMMANDS["in a curve"]}
-"""Name -> command of the short walk with which corrections of a policy's description are selected for full tests.
+"""Name -> command of the short walk that selects corrections of a policy's description for full tests.
 
 A command is forward and lateral velocity, m/s, and yaw rate, rad/s, for SimpleQuad.
 """
 SCREENING_SPEEDUP = 2.0
 """Duration of a full test walk, divided by the duration of the short walk that selects corrections."""
 MAX_FULL_TESTS = 10
-"""Maximum number of corrections of a policy's description that are tested with all commands after the short walk."""
+"""Maximum number of corrections of a policy's description that get a full test after the short walk.
+
+A full test has a walk for each test command: stand, walk forward, and walk in a curve.
+"""
 NUM_COMBINED_CORRECTIONS = 2
 """Number of best single corrections of a policy's description that are also tested with a second correction."""
 
@@ -63,7 +66,7 @@ class ServosByRow(HardwareConfig):
 
 
 def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
-    """Test a policy: run a short walk for each command in COMMANDS and each seed in SEEDS.
+    """Test a policy: run a short walk for each command in COMMANDS and each of two seeds.
 
     Args:
         policy: Policy to test.
@@ -94,9 +97,9 @@ def has_policy_failure(walks: Sequence[Walk]) -> bool:
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
     """Search for a mistake in the description of an external policy that explains why it does not walk.
 
-    The search corrects common mistakes and tests the corrected policies. It first corrects one mistake, then several
-    mistakes in the order of the joints. At last it combines the best corrections with a second one. All corrections are
-    tested on a short walk, and the best corrections with all commands.
+    The search corrects common mistakes and tests the corrected policies. It first corrects one mistake at a time, and
+    then several mistakes in the order of the joints at once. Finally it adds a second correction to each of the best
+    corrections. All corrections are tested on a short walk, and the best corrections also with all test commands.
 
     Args:
         policy: External policy with a description of its observations and actions.
@@ -189,8 +192,8 @@ def _largest_deviations(
         shortened_by: Duration of a full test walk, divided by the duration of these walks.
 
     Returns:
-        Largest velocity error of each policy, divided by the tolerance of the success rule, (len(policies),). It is
-        infinite after a fall or an error of the policy.
+        Largest velocity error of each policy over its walks, divided by the tolerance of the success rule,
+        (len(policies),). The value is infinite if the robot falls or the policy raises an error.
     """
     rows = len(commands) * len(seeds)
     gains = np.array([(policy.robot.servo_stiffness, policy.robot.servo_damping) for policy in policies])

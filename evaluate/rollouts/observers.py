@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
-"""Fall code of the environment -> name of the fall rule; None for code 0, which is no fall."""
+"""Reason of a fall, indexed by the fall code of the environment; None at index 0, which is no fall.
+
+An example is `trunk_contact`.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Step:
     action: Actions
     """Joint targets that were applied in this step, (n, 12), rad; at the start they are the home pose."""
     observation: NDArray[np.float32]
-    """Observation after the step, from which the policy computes its next action, (n, k)."""
+    """Observation of each robot after the step, k numbers, (n, k); the policy computes its next action from it."""
     infos: dict[str, Any]
     """Infos of the environment: name of a reading, such as `heading_velocity` -> array, (n, …).
 
@@ -54,8 +57,8 @@ class FallRecorder:
         self.reason = np.full(count, None, dtype=object)
         """Reason for the fall of each robot, (n,).
 
-        It is the name of a fall rule in `FALL_REASONS`, `diverged` if the simulation became unstable, or None if the
-        robot has not fallen.
+        It is the name of the condition that detected the fall, for example `trunk_contact`. It is `diverged` if the
+        simulation became unstable, and None if the robot has not fallen.
         """
         self.divergence_step = np.full(count, steps, dtype=np.int64)
         """First control step after which the simulation of the robot had diverged, (n,).

@@ -289,7 +289,8 @@ class EpisodeRecorder:
             The recorded signals.
 
         Raises:
-            ValueError: The scenario has kicks or random command intervals, which no measure covers.
+            ValueError: The scenario has kicks (short random forces on the trunk) or random command intervals, for which
+                no measure is defined.
         """
         env = self._env
         falls = self.falls

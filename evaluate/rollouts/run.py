@@ -70,7 +70,7 @@ class RunSettings:
     steps: int = field(default_factory=lambda: rollout.STEPS)
     """Maximum number of control steps of an episode."""
     executor: Executor | None = None
-    """Function that runs the tasks (subsets of episodes); if it is None, this process runs one after the other."""
+    """Function that runs the tasks (subsets of episodes); None to run one after the other in this process."""
     hardware: HardwareConfig = IDEAL
     """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
 
@@ -138,7 +138,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
         progress: Function that receives the finished fraction of the task, below 1.
 
     Returns:
-        The result of these episodes.
+        The result of the episodes of the task.
     """
     episodes = rollout.run(
         task.policy.policy_for(task.scenario),

@@ -35,7 +35,7 @@ class Walk:
     velocity: Floats
     """Mean forward and lateral velocity, m/s, and yaw rate, rad/s, after the settling time, heading frame, (3,)."""
     fall: str
-    """Name of the fall rule that ended the walk; empty if the robot did not fall."""
+    """Reason of the fall that ended the walk, for example `trunk_contact`; empty if the robot did not fall."""
     failure: str | None
     """Error with which the policy failed, as text; None if the policy did not fail."""
     errors: Floats
@@ -90,8 +90,8 @@ def run_walks(
         commands: Name -> command for SimpleQuad: forward and lateral velocity, m/s, and yaw rate, rad/s. The commands
             are scaled to the size of the robot.
         seeds: Seeds of the episodes, (k,).
-        copies: Number of repetitions of all walks, for example one for each policy if several policies are tested
-            together.
+        copies: Number of repetitions of all walks. If several policies are tested together, each policy controls one
+            repetition.
         shortened_by: Divisor of the duration of a walk and of its settling time.
 
     Returns:

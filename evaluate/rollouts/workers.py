@@ -1,6 +1,6 @@
 """Executor that runs tasks (subsets of episodes) in parallel worker processes.
 
-Not only the simulation, but also the policies then run in parallel.
+Each worker process runs the policy and the simulation of its task, so that policies also run in parallel.
 """
 
 import contextlib
@@ -63,7 +63,8 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
             ends.
 
     Returns:
-        The function. It raises WorkerDiedError if a worker dies, and raises any exception of a task again.
+        The function that runs tasks. It raises WorkerDiedError if a worker dies. It raises an exception again that a
+        task has raised.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
@@ -81,8 +82,8 @@ def _distribute(
 ) -> Generator[tuple[int, EpisodeChunk]]:
     """Distribute tasks to idle workers, and yield the index and the result of each finished task.
 
-    An exception of a task is raised again. `progress` receives the index of a running task and its finished fraction.
-    `check` is called repeatedly while the function waits for messages.
+    If a task raises an exception, this function raises the exception again. `progress` receives the index of a running
+    task and its finished fraction. `check` is called repeatedly while the function waits for messages.
     """
     remaining = iter(enumerate(tasks))
     while workers:

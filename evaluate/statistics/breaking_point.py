@@ -53,7 +53,7 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 
     Args:
         severities: Tested severities of the disturbance, the mildest first, (k,).
-        failed: True for failed episodes, for each of k severities and n episodes, (k, n).
+        failed: True for failed episodes, for each of k severities, the mildest first, and n episodes, (k, n).
 
     Returns:
         Breaking point with its 95 % confidence interval.
@@ -75,9 +75,9 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """Fit a non-decreasing curve of the failure rate over the severity (isotonic regression).
 
-    The curve is linear in ln(severity) between its points. If the failure rate falls from one severity to the next, the
-    two are merged into one point at their mean. This method is centred isotonic regression (Oron and Flournoy 2017,
-    Statistics in Biopharmaceutical Research 9). A severity of 0 is left out because it has no logarithm.
+    The curve is linear in ln(severity) between its points. If the failure rate falls from one severity to the next,
+    these two severities are merged into one point at their mean. This method is centred isotonic regression (Oron and
+    Flournoy 2017, Statistics in Biopharmaceutical Research 9). A severity of 0 is left out because it has no logarithm.
 
     Args:
         severities: Tested severities of the disturbance, the mildest first, (k,).
@@ -104,16 +104,16 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
 def bracket_levels(failed: Bools) -> tuple[int, int]:
     """Return the indices of the two tested severities between which the failure rate crosses one half.
 
-    At the first one and at all milder severities, significantly less than half of the episodes fail. At the second one
-    and at all harder severities, significantly more than half fail. Each test is a one-sided binomial test with a
-    significance level of 2.5 %.
+    At the severity with the first index and at all milder severities, significantly less than half of the episodes
+    fail. At the severity with the second index and at all harder severities, significantly more than half fail. Each
+    test is a one-sided binomial test with a significance level of 2.5 %.
 
     Args:
         failed: True for failed episodes, for each of k severities, the mildest first, and n episodes, (k, n).
 
     Returns:
-        The two indices. The first is −1 if the mildest severity is not significant; the second is k if the hardest
-        severity is not significant.
+        The two indices. The first index is −1 if the test at the mildest severity is not significant. The second index
+        is k if the test at the hardest severity is not significant.
     """
     from scipy.stats import binom
 
@@ -138,6 +138,6 @@ def _severity_interval(severities: Floats, levels: tuple[int, int]) -> Interval:
     """
     is_rising = severities[-1] > severities[0]
     beyond_hardest = np.inf if is_rising else -np.inf
-    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # Index −1 reads the last entry, index k reads ±∞.
+    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # Index −1 and index k read ±∞.
     low, high = sorted((padded[levels[0]], padded[levels[1]]))
     return (low, high)

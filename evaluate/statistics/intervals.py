@@ -17,7 +17,7 @@ Interval = tuple[float, float]
 CONFIDENCE = 0.95
 """Confidence level of every interval: the probability that it contains the true value."""
 UNBOUNDED = (-np.inf, np.inf)
-"""Smallest and largest possible value of a quantity without limits, for the interval functions."""
+"""Smallest and largest possible value of a quantity that has no limits, for the interval functions."""
 RESAMPLES = 9999
 """Number of random resamples of the episodes from which a bootstrap interval is computed."""
 MAX_CACHED_VALUES = 12_000_000
@@ -54,7 +54,7 @@ def mean_proportion_interval(proportions: Floats) -> Interval:
     variance of the mean equals the variance that is estimated from the proportions. A factor replaces the quantile of
     the normal distribution by the quantile of Student's t. The method is used for clustered proportions in surveys
     (Korn and Graubard 1998, Survey Methodology 24; with Wilson's interval: Dean and Pagano 2015, Journal of Survey
-    Statistics and Methodology 3). If all proportions are equal, they give no estimate of the variance. Each of them
+    Statistics and Methodology 3). If all proportions are equal, they give no estimate of the variance. Each proportion
     then counts as one trial.
 
     Args:
@@ -102,14 +102,15 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
     quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
-        """Return Tango's score of a difference minus `sign` · quantile; it is 0 at an end of the interval.
+        """Return Tango's score of a difference minus `sign` · normal quantile; 0 at an end of the interval.
 
         Args:
             hypothesis: Hypothetical difference between the two proportions, −1 … 1.
             sign: 1 for the lower end of the interval, −1 for the upper end.
 
         Returns:
-            The difference, in standard deviations. The root search looks for its zero.
+            The score minus `sign` · quantile, in standard deviations. A root search finds the hypothesis at which it is
+            0.
         """
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 
@@ -123,7 +124,8 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
 
     The score is the observed difference minus the hypothetical difference δ, in standard deviations. The standard
     deviation follows from the expected proportion q of the pairs in which only b is true. It is a root of the equation
-    2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14). There, n is `pairs`, b is `only_b` and B is `linear`.
+    2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14). In this equation, n is `pairs`, b is `only_b`, and B is the
+    linear coefficient.
 
     Args:
         only_a: Number of pairs in which only a is true.
@@ -182,9 +184,9 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     """Compute the 95 % bootstrap interval of the mean of n paired differences between two policies.
 
     The ends of the interval are percentiles of the resampled means. The percentiles are chosen for Student's t instead
-    of the normal distribution, and for a variance with n − 1 instead of n in the denominator. Both widen the interval
-    (Hesterberg 2015, The American Statistician 69). The BCa bootstrap is not used, because it would estimate the
-    skewness from the few episodes in which one policy fell. Its intervals would contain the true difference in 90 %
+    of the normal distribution, and for a variance with n − 1 instead of n in the denominator. Both choices widen the
+    interval (Hesterberg 2015, The American Statistician 69). The BCa bootstrap is not used, because it would estimate
+    the skewness from the few episodes in which one policy fell. Its intervals would contain the true difference in 90 %
     instead of 95 % of all cases (`python -m research calibration`).
 
     Args:

@@ -143,11 +143,11 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
 def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float) -> tuple[Floats, Floats]:
     """Propagate the density of the test statistic to the next interim analysis, within its boundaries.
 
-    Until then, the test statistic changes by a normally distributed increment with mean 0.
+    Between the two analyses, the test statistic changes by a normally distributed increment with mean 0.
 
     Args:
-        sums: Values of the test statistic at this interim analysis, (k,).
-        density: Probability of each of these values, (k,).
+        sums: k possible values of the test statistic at the present interim analysis, (k,).
+        density: Probability of each of the k values in `sums`, (k,).
         scale: Standard deviation of the increment.
         bound: Boundary at the next interim analysis; larger absolute values distinguish the two policies.
 
@@ -163,22 +163,20 @@ def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Return the probability of a test statistic beyond ±`bound`, minus a wanted probability `chance`.
+    """Return the probability that the next test statistic exceeds ±`bound`, minus the wanted `chance`.
 
-    The test statistic is the one at the next interim analysis.
-
-    The root of this function is the boundary at the next interim analysis. Until then, the test statistic changes by a
-    normally distributed increment with mean 0.
+    The boundary of the next interim analysis is the value of `bound` at which this difference is 0. Between the present
+    and the next analysis, the test statistic changes by a normally distributed increment with mean 0.
 
     Args:
-        bound: Boundary to test.
-        sums: Values of the test statistic at this interim analysis, (k,).
-        density: Probability of each of these values, (k,).
+        bound: Boundary of the test statistic to try.
+        sums: k possible values of the test statistic at the present interim analysis, (k,).
+        density: Probability of each of the k values in `sums`, (k,).
         scale: Standard deviation of the increment.
         chance: Wanted probability that the test statistic exceeds the boundary (the error probability to spend).
 
     Returns:
-        Difference of the two probabilities.
+        Probability of a test statistic beyond ±`bound`, minus `chance`.
     """
     from scipy.special import ndtr
 
@@ -188,10 +186,8 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
 def predictive_power(p_value: float, share: float, last_level: float) -> float:
     """Compute the probability that the last interim analysis distinguishes two policies.
 
-    This probability is called predictive power.
-
-    The true difference between the policies has a flat prior distribution (Spiegelhalter, Freedman and Blackburn 1986,
-    Controlled Clinical Trials 7).
+    This probability is called predictive power. In its computation, the true difference between the policies has a flat
+    prior distribution (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7).
 
     Args:
         p_value: Two-sided p-value of the difference at this interim analysis.

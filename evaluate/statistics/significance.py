@@ -15,15 +15,17 @@ For more pairs, the test draws sign vectors at random.
 FLIPS = 9_999
 """Number of random sign vectors that the sign-flip test draws first for more than EXACT_PAIRS pairs."""
 MORE_FLIPS = 99_999
-"""Total number of random sign vectors of the sign-flip test if the first ones give a small p-value.
+"""Total number of random sign vectors of the sign-flip test if the first FLIPS give a small p-value.
 
-The first FLIPS alone give no p-value below 1/10000. Holm's correction multiplies it by the number of comparisons. In a
-full benchmark run, the product would never be significant.
+The first FLIPS alone give no p-value below 1/10000. Holm's correction multiplies a p-value by the number of
+comparisons. In a full benchmark run, this product would never be significant.
 """
 MIN_EXCEEDANCES = 10
-"""Minimum number of sign vectors, of the first FLIPS, with a mean of at least the observed size.
+"""Number of sign vectors at least as extreme as the observation that the first FLIPS must contain.
 
-If there are fewer, the sign-flip test draws further sign vectors, up to MORE_FLIPS.
+A sign vector multiplies each paired difference by 1 or −1. It is at least as extreme if the absolute mean of the
+products is at least the absolute mean of the differences. If fewer sign vectors are extreme, the sign-flip test draws
+further sign vectors, up to MORE_FLIPS.
 """
 BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 """Signs, 1 or −1, of eight paired differences, with one row for each value of a random byte, (256, 8)."""
@@ -52,12 +54,13 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
     """Compute the two-sided p-value of the mean of paired differences by a sign-flip permutation test.
 
     If two policies are equal, each difference is as likely positive as negative. A sign vector multiplies each
-    difference by 1 or −1. The p-value is the proportion of sign vectors with a mean of at least the observed size.
+    difference by 1 or −1. The p-value is the proportion of sign vectors for which the absolute mean of the products is
+    at least the absolute mean of the differences.
 
     The test enumerates all sign vectors for up to EXACT_PAIRS pairs. For more pairs it draws FLIPS random sign vectors,
-    or MORE_FLIPS if fewer than MIN_EXCEEDANCES of these reach the observed size. The observed signs count as one
-    further sign vector (Phipson and Smyth 2010). The p-value is valid after either draw. A result that is significant
-    after the second draw is also significant after the first draw.
+    or MORE_FLIPS if fewer than MIN_EXCEEDANCES of them reach the observed absolute mean. The observed signs count as
+    one further sign vector (Phipson and Smyth 2010). The p-value is valid after either draw. A result that is
+    significant after the second draw is also significant after the first draw.
 
     `scipy.stats.permutation_test(permutation_type="samples")` gives the same p-value. This function is many times
     faster, because it adds the differences in groups of eight with a table of their sums.
@@ -69,7 +72,7 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
     Returns:
         The p-value, 0 … 1.
     """
-    # The tolerance is needed because equal sums can differ by rounding: the order of summation is not always the same.
+    # A tolerance is subtracted, because equal sums in a different order of summation can differ by rounding errors.
     observed = np.abs(differences.sum()) - 1e-12 * np.abs(differences).sum()
     if len(differences) <= EXACT_PAIRS:
         signs = np.array(list(itertools.product((1.0, -1.0), repeat=len(differences))))
@@ -83,9 +86,10 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 
 
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
-    """Count the random sign vectors for which the signed sum has at least the observed size.
+    """Count the random sign vectors for which the absolute sum is at least as large as `observed`.
 
-    A sign vector multiplies each difference by 1 or −1. One random byte gives the signs of eight differences.
+    A sign vector multiplies each difference by 1 or −1, and the products are added. One random byte gives the signs of
+    eight differences.
 
     Args:
         differences: Paired differences, (n,).

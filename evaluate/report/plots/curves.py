@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Transform
 
 HEIGHT = 2.7
-"""Height of the plot without the legend, inches."""
+"""Height of the plot of success or fall rate against severity, without its legend, inches."""
 WIDEST = 2.6
 """Width of the line of the first policy in a plot, pt."""
 NARROWEST = 1.2
@@ -51,8 +51,8 @@ def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label
 
     Args:
         results: Results of the run.
-        axis: Disturbance axis with its levels.
-        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
+        axis: Disturbance axis (kind of disturbance, such as pushes) with its scenarios, one for each severity.
+        metric: Name of the rate to draw: `success_rate` or `fall_rate`.
         label: Label of the vertical axis.
 
     Returns:
@@ -68,8 +68,8 @@ def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, labe
 
     Args:
         results: Results of the run.
-        axis: Disturbance axis with its levels.
-        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
+        axis: Disturbance axis (kind of disturbance, such as pushes) with its scenarios, one for each severity.
+        metric: Name of the rate to draw: `success_rate` or `fall_rate`.
         label: Label of the vertical axis.
 
     Returns:
@@ -112,14 +112,14 @@ def _draw_levels(
 ) -> None:
     """Draw the rate of one policy, %, against severity, with a band between the ends of 95 % intervals.
 
-    If the policy has only one level, its interval is a vertical line.
+    If the policy ran only one severity of the axis, its interval is a vertical line.
 
     Args:
         axes: Matplotlib axes to draw on.
         results: Results of the run.
-        axis: Disturbance axis with its levels.
+        axis: Disturbance axis (kind of disturbance, such as pushes) with its scenarios, one for each severity.
         policy: Name of the policy.
-        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
+        metric: Name of the rate to draw: `success_rate` or `fall_rate`.
         index: Index of the policy among all drawn policies.
         count: Number of drawn policies.
     """

@@ -21,7 +21,7 @@ Colour-blind readers can distinguish the colours. If a report is printed in grey
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib name of the mark of a policy -> Unicode character of the same mark, for tables."""
 FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Names of the policies that have the same colour in every report: the first colours of COLOURS, in this order."""
+"""Names of policies that have the same colour in every report: the first colours in COLOURS, in this order."""
 FONT = "DejaVu Sans"
 """Font with which the widths of texts in plots are measured."""
 WIDTH = 3.6
@@ -106,7 +106,7 @@ def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Return the colour and the mark of each policy in plots: name of a policy -> colour, matplotlib mark.
 
     FIXED_STYLE_POLICIES have the first colours, and other policies have the remaining colours. If there are more
-    policies than colours, the colours repeat with other marks.
+    policies than colours, the colours are used again with other marks.
     """
     others = [policy for policy in policies if policy not in FIXED_STYLE_POLICIES]
     indices = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 ALT = "Success against cost of transport of each policy, and the Pareto front"
 """Alternative text of the plot for screen readers."""
 HEIGHT = 2.5
-"""Height of the plot without the legend, inches."""
+"""Height of the plot of success against cost of transport, without its legend, inches."""
 
 
 def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
@@ -70,7 +70,10 @@ def _error_bar(value: float, interval: ArrayLike) -> NDArray[np.float64]:
 
 
 def _draw_steps(axes: "Axes", corners: Sequence[tuple[float, float]], right: float) -> None:
-    """Draw the Pareto front as a step line through the `corners`, up to the `right` end of the plot."""
+    """Draw the Pareto front as a step line through the `corners`, up to the `right` end of the plot.
+
+    A corner is cost of transport and success of a policy on the front. `right` is a cost of transport as well.
+    """
     costs = [*(cost for cost, _ in corners), right]
     successes = [*(success for _, success in corners), *(success for _, success in corners[-1:])]
     axes.step(costs, successes, where="post", color="#888888", linewidth=1.0)

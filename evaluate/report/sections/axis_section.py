@@ -37,7 +37,11 @@ def anchor(axis: str) -> str:
 
 
 def _title(axis: SeverityAxis) -> str:
-    """Return the title of the section of an axis: its name, and its quantity or its only severity."""
+    """Return the title of the section of a disturbance `axis`, as HTML.
+
+    It is the name of the axis, followed by the physical quantity of its severities. If the axis has only one severity,
+    the severity follows instead.
+    """
     at = format_severity(axis.scenarios[0]) if len(axis.levels) == 1 else axis.quantity
     return escape(axis.name) + (f" <small>{escape(at)}</small>" if at != axis.name else "")
 

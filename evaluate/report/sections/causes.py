@@ -62,9 +62,10 @@ def _cause_plot(policy: str, shares: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def _shares(results: Results, policy: str, axes: Iterable[SeverityAxis]) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the name of each disturbance axis that the policy ran, and its causes of failure there.
+    """Yield the name of each disturbance axis that the policy ran, and the causes of failure on this axis.
 
-    The causes are a dictionary: cause -> episodes that failed from it, in % of the episodes of the policy on the axis.
+    The causes are a dictionary: cause -> episodes that failed from this cause, in % of the episodes of the policy on
+    the axis.
     """
     for axis in axes:
         summaries = [

@@ -48,7 +48,8 @@ def render_failures(results: Results, folder: Path) -> str:
 def _row(kind: str, failure: FailedEpisode, folder: Path) -> dict[str, str]:
     """Return the table row of one failed episode: name of a column -> contents of the cell as HTML.
 
-    `kind` is the kind of the failure, from `select_failures`. `folder` is the folder of the report.
+    `kind` is the reason for the selection of the episode: `worst`, `typical` or `worst and typical`. `folder` is the
+    folder of the report.
     """
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
     link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'

@@ -16,7 +16,7 @@ from evaluate.report.verdict import claim_text
 from quad_env.cli.format import ABSENT, Estimate, four_digits, points_with, share
 
 UNKNOWN = math.nan, math.nan
-"""Ends of the interval of a value for which no interval is computed."""
+"""Lower and upper end of the confidence interval of a value for which no interval is computed."""
 
 
 def policy_label(results: Results, policy: str) -> str:

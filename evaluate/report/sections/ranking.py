@@ -1,4 +1,4 @@
-"""First sections of the report: ranking, Pareto front, and best and worst axes of each policy."""
+"""First sections of the report: ranking, Pareto front, best and worst disturbances of each policy."""
 
 from html import escape
 
@@ -78,7 +78,7 @@ def _table(results: Results) -> str:
 def render_best_and_worst(results: Results) -> str:
     """Render the table of the disturbance axes on which each policy is best and worst, as HTML.
 
-    The most common cause of failure is added to each of the worst axes.
+    The table also contains the most common cause of failure on each of the worst axes.
     """
     heads = {ROW_LABEL: "policy", "best": "best on", "worst": "worst on"}
     rows = (
