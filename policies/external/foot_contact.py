@@ -11,8 +11,8 @@ from quad_env.robots.robot import Robot
 CONTACT_WEIGHT_FRACTION = 0.05
 """Vertical force above which a foot counts as in contact, as a fraction of the robot's weight.
 
-With this threshold, the contact estimate is right in 86 to 96 % of the control steps. It was tested on SimpleQuad and
-Go1 with the policies `trot` and `mpc_wbc`, on flat and rough ground and under pushes.
+With this threshold, the contact estimate is right in 86 to 96 % of the control steps. The estimate
+was tested on SimpleQuad and Go1 with the policies `trot` and `mpc_wbc`, on flat and rough ground and under pushes.
 """
 
 

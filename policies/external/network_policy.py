@@ -27,7 +27,7 @@ class NetworkPolicy(Policy):
     The network may have a lower control rate than the environment. The policy holds the joint targets until the next
     control step of the network. The constructor raises PolicyError, one line, if the network contradicts its
     specification. It also raises PolicyError if the robot lacks a joint of the specification, or if the environment
-    cannot provide its control rate or height scan.
+    cannot provide the control rate or the height scan of the specification.
 
     Args:
         spec: Specification of the network: joints, servo gains, control rate, observation terms.

@@ -163,8 +163,8 @@ class BatchedNetwork(PerRobotState):
 def load_network(spec: PolicySpec) -> BatchedNetwork:
     """Load the network that the specification of an external policy names, and test it.
 
-    The network is called three times with the same random observation. It counts as recurrent if the actions differ.
-    Loading a TorchScript network restricts PyTorch to one thread in this process.
+    The network is called three times with the same random observation. The network counts as recurrent if its three
+    actions differ. Loading a TorchScript network restricts PyTorch to one thread in this process.
 
     Args:
         spec: Specification of the policy, with the path of the network's file.

@@ -216,8 +216,8 @@ def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floa
 def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
     """Return the torques of the servos, clipped to the rated torque, (m, 12), N·m.
 
-    They follow from the servo gains, the previous joint targets, and the joint angles and velocities in `readings`
-    (name of a term of the environment's observation -> values).
+    The torques follow from the servo gains, the previous joint targets, and the joint angles and velocities in
+    `readings` (name of a term of the environment's observation -> values).
     """
     position_error = readings["previous_action"] - readings["joint_position"]
     torque = robot.servo_stiffness * position_error - robot.servo_damping * readings["joint_velocity"]

@@ -34,7 +34,7 @@ ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "
 The first group that contains the name of exactly one output determines the action output.
 """
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
-"""Usual names, in lower case, of the observation; they are used if a network has several inputs."""
+"""Usual names, in lower case, of the network input for the observation, if a network has several inputs."""
 RESIDUAL_METADATA = "simple_quad_policy"
 """Metadata key for the `policy.json` of the bundle, in the ONNX file of a residual policy."""
 MAX_METADATA = 20_000
@@ -190,9 +190,9 @@ def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Net
 def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
     """Return the network input that receives the observation.
 
-    If exactly one input has a name in OBSERVATIONS, it is the observation. Otherwise, the observation is the only input
-    that is not updated by an output with the same name. If there are several of these inputs, or none, the observation
-    is the first input.
+    If exactly one input has a usual name (OBSERVATIONS), such as `obs`, it is the observation. Otherwise, the
+    observation is the only input that is not updated by an output with the same name. If there are several of these
+    inputs, or none, the observation is the first input.
     """
     named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
     if len(named) == 1:
@@ -202,7 +202,7 @@ def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
 
 
 def _find_action(outputs: Sequence[Any], file: Path) -> Any:
-    """Return the network output with the action, found by a name in ACTIONS, or else by its width of 12.
+    """Return the network output with the action, found by a usual name (ACTIONS) or by its width of 12.
 
     Raises PolicyError if no output matches, or if several outputs match.
     """

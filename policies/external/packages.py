@@ -13,7 +13,7 @@ def import_package(name: str, extra: str = "onnx") -> Any:
     Args:
         name: Name of the module.
         extra: Optional dependency group of this project (`pip install .[extra]`) that installs the package. The error
-            text names it.
+            text names this group.
 
     Returns:
         The imported module.
@@ -33,7 +33,7 @@ def check_package(name: str, extra: str = "onnx") -> None:
     Args:
         name: Name of the module.
         extra: Optional dependency group of this project (`pip install .[extra]`) that installs the package. The error
-            text names it.
+            text names this group.
 
     Raises:
         PolicyError: The package is not installed.

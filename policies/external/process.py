@@ -42,7 +42,7 @@ IMPORT_TIMEOUT = 300.0
 ACT_DEADLINE = 5.0
 """Maximum time of one call of the policy, s.
 
-The first call may take FIRST_CALL_TIMEOUT_FACTOR times as long.
+The first call may take six times as long (FIRST_CALL_TIMEOUT_FACTOR).
 """
 KILL_GRACE_PERIOD = 2.0
 """Time after the deadline of a call, until a subprocess that has not answered is killed, s.
@@ -156,9 +156,9 @@ class ExternalPolicy(Policy):
     """Policy from a user's file or another project's file, run in a subprocess.
 
     The file is a Python file (`my_file.py:NAME`), a network, a specification file, or a model of Stable-Baselines3. A
-    robot for which the policy has failed holds the home pose. The policy's signals, such as the phase of its gait
-    clock, are attributes with the names in SIGNAL_NAMES. A signal that the policy lacks is None. The constructor raises
-    PolicyError, one line, if the policy cannot be loaded.
+    robot for which the policy has failed holds the home pose. The policy's signals are attributes, for example
+    `phase`, the phase of its gait clock (SIGNAL_NAMES lists all signals). A signal that the policy lacks is None. The
+    constructor raises PolicyError, one line, if the policy cannot be loaded.
 
     Args:
         reference: Path of the policy's file, or `FILE.py:NAME` for a class or object in a Python file.

@@ -86,7 +86,7 @@ def is_reference(text: str | Path) -> bool:
 
 
 def unsupported_file_remedy(text: str | Path) -> str | None:
-    """Return an error text with a remedy if the suffix of a file is in UNSUPPORTED_SUFFIXES, else None."""
+    """Return an error text with a remedy if a file has an unsupported suffix, for example `.pth`, else None."""
     suffix = Path(text).suffix
     if suffix.lower() not in UNSUPPORTED_SUFFIXES:
         return None

@@ -16,7 +16,7 @@ from quad_env.robots.robot import Robot
 CALIBRATION_STEPS = (4, 8)
 """Durations of the noise measurement after a reset, control steps.
 
-The first is for robots without sensor noise, the second for robots with sensor noise."""
+The first duration is for robots without sensor noise, the second duration for robots with sensor noise."""
 CALIBRATION_BEND = 1.1
 """Factor on the joint angles of the home pose in the second phase of the calibration, in which the legs bend.
 

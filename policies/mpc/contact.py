@@ -38,7 +38,7 @@ class ContactEstimatorConstants:
     max_upward_force: float = 40.0
     """Largest upward component of a sample of the external force on the trunk, N.
 
-    It is smaller than the bound of the downward component, because a load presses downward."""
+    This bound is smaller than the bound of the downward component, because a load presses downward."""
     impact_force: float = 300.0
     """Vertical force on a foot above which the contact counts as an impact, N.
 
@@ -78,9 +78,9 @@ class ContactEstimatorConstants:
     min_friction: float = 0.05
     """Smallest friction coefficient between feet and ground that the controller assumes after a slip."""
     slip_update_gain: float = 0.3
-    """Low-pass gain per control period with which the friction estimate falls to the friction measured in a slip.
+    """Low-pass gain per control period with which the friction estimate falls during a slip, 0 to 1.
 
-    It lies between 0 and 1."""
+    The estimate falls to the friction coefficient that is measured in the slip."""
 
 
 CONSTANTS = ContactEstimatorConstants()
@@ -117,15 +117,18 @@ class ContactEstimator(PerRobotState):
     encoder_offsets: Floats = per_robot(np.zeros(12))
     """Estimated encoder offsets: encoder reading minus true joint angle, (n, 12), rad.
 
-    They are estimated in legs that are in the air: there an offset causes a servo torque that the motion of the leg
-    does not explain."""
+    The offsets of a leg are estimated while its foot is in the air, because an offset then causes a servo torque that
+    the motion of the leg does not explain."""
     _sample_count: Floats = per_robot(0.0)
     """Number of control steps since the reset that have updated the external wrench of each robot, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were loaded and faster than `slip_speed` in the last control step, (n, 4)."""
+    """True for feet that were loaded and faster than the parameter `slip_speed` in the last control step, (n, 4).
+
+    A foot is loaded if the vertical force on it exceeds twice the parameter `touch_force`."""
     _had_slipped: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were loaded in the last control step and were sliding in the control step before it, (n, 4).
-    """
+    """True for feet that were loaded in the last control step and were sliding in the step before it, (n, 4).
+
+    A foot is loaded if the vertical force on it exceeds twice the parameter `touch_force`."""
 
     def __init__(
         self,
@@ -163,11 +166,11 @@ class ContactEstimator(PerRobotState):
         """Estimate the contact forces, and update external wrench, contacts, encoder offsets and friction.
 
         Args:
-            motion: State of n robots at the time of the readings, with the joint targets that led to it. Its dynamics
-                include the load on the trunk.
+            motion: State of n robots at the time of the readings, with the joint targets that led to this state. The
+                dynamics terms in this state include the load on the trunk.
             weight: Weight of the loads as a wrench on the trunk, (n, 6): force, level frame (yaw only), N, then moment,
-                base frame, N·m. It is added to the unexplained wrench, because the dynamics in `motion` include the
-                load.
+                base frame, N·m. The weight is added to the wrench that the foot forces do not explain, because the
+                dynamics terms in `motion` already include the load.
             in_mid_swing: True for feet that are in mid-swing according to the gait, (n, 4). They count as not in
                 contact.
 

@@ -73,7 +73,7 @@ class PositionErrorIntegrator(PerRobotState):
         max_error: Bound of the forward and lateral position error, m, and of the yaw error, rad.
         period: Control period, s.
         max_return_speed: Largest horizontal speed of the corrected command, m/s. If the command without the correction
-            is faster, its speed is the limit.
+            is faster, the limit is the speed of this command.
     """
 
     position_error: Floats = per_robot(np.zeros(3))

@@ -29,7 +29,8 @@ class ModelParameters(Parameters):
     roughness_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 6.0))
     """Additional height of a swing foot at mid-swing per ground roughness, m/m.
 
-    The ground roughness is the largest distance of a footprint from the plane through the last four footprints, m."""
+    The ground roughness is the largest distance of a footprint (last contact position of a foot) from the plane through
+    the footprints of the four feet, m."""
     width: float = parameter(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=LATERAL_LENGTH)
     """Lateral distance between the left and the right nominal footholds (the footholds of a robot at rest), m."""
     length: float = parameter(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONGITUDINAL_LENGTH)
@@ -144,6 +145,7 @@ class MpcParameters(ModelParameters):
 
 
 TROT = "trot"
+"""Name of the gait with parameters in the file `mpc_wbc.json`; the other gaits are in `OTHER_GAITS`."""
 
 OTHER_GAITS = {
     "bound": MpcParameters(frequency=4.0, duty=0.4, length=0.4),
@@ -157,7 +159,9 @@ The parameters were set by hand on a few search episodes (episodes for the tunin
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
+"""Name of a parameter -> smallest and largest number that the parameter search tries for this parameter."""
 FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters)
+"""File with the parameters of the trot."""
 
 
 def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:

@@ -16,7 +16,7 @@ from quad_env.physics.rotations import cross, skew
 _DAMPING = 1e-4
 """Damping of the least-squares solution that distributes a wrench over the stance feet.
 
-It is needed because two feet cannot exert a moment about the line through them."""
+Damping is needed because two feet cannot exert a moment about the line through these feet."""
 _CLOCK_ROUNDING = 1e-6
 """Tolerance for rounding errors of the age of a force plan, s."""
 
@@ -133,8 +133,8 @@ class ForcePlans(PerRobotState):
 def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
     """Distribute a wrench (force and moment) over the stance feet.
 
-    The contact forces with the smallest norm that give the wrench are computed first. They are then clipped to the
-    friction pyramid, so that their wrench may differ from the given one.
+    The contact forces with the smallest norm that give the wrench are computed first. These forces are then clipped to
+    the friction pyramid. The wrench of the clipped forces may therefore differ from the given wrench.
 
     Args:
         wrench: Wrench on each robot, level frame (yaw only), (n, 6): force, N, then moment about the centre of mass,

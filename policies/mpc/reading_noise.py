@@ -18,9 +18,9 @@ from policies.mpc.readings import GROUPS
 NOISE_FLOOR_STD = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
 """Noise floor: standard deviation that the noise estimator finds in noise-free readings of a walking robot, (5,).
 
-It is caused by the motion of the robot, and its square is subtracted from the estimated variance. There is one number
-for each group of readings: gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint
-angles, rad, and joint speeds, rad/s."""
+The noise floor is caused by the motion of the robot. The square of the noise floor is subtracted from the estimated
+variance. There is one number for each group of readings: gravity direction (unit vector), angular velocity, rad/s,
+linear velocity, m/s, joint angles, rad, and joint speeds, rad/s."""
 FILTER_TIME = 0.5
 """Time constant of the low-pass filter of the estimated noise variance, s.
 

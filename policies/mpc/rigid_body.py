@@ -36,7 +36,7 @@ _EYE = np.eye(3)
 _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 """Acceleration of gravity as a positive number on the z axis, (6,): angular (zero), rad/s², then linear, m/s².
 
-It is subtracted from the acceleration of a body."""
+The array is subtracted from the acceleration that the external wrench on a body causes."""
 
 
 class RigidBodyState(NamedTuple):

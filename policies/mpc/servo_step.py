@@ -293,7 +293,7 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
         leg i, trunk:  -Lᵢ⁻¹ Dᵢ S⁻¹           leg i, leg j:  Lᵢ⁻¹ Dᵢ S⁻¹ Uⱼ Lⱼ⁻¹ (+ Lᵢ⁻¹ if i = j)
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
             N·m·s.
         stance: True for feet in contact with the ground, (n, 4).
@@ -368,7 +368,7 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
             [J   ε ]                                      [-Gᵀ              C⁻¹]
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
             N·m·s.
         stance: True for feet in contact with the ground, (n, 4). The impulse of a foot in the air is zero.
@@ -401,7 +401,7 @@ def _leg_blocks(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[F
     The last two axes of each array are the legs and the robots.
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         damping: Term T (d + T k) of the servos on the diagonal, with step length T, stiffness k and damping d, (12,),
             N·m·s.
         stance: True for feet in contact with the ground, (n, 4).

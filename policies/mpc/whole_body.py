@@ -76,7 +76,7 @@ def solve_whole_body(
     """Compute the joint torques of n robots by solving the whole-body QPs from `make_programs`.
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
         wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
             centre, base frame, N·m.
@@ -122,7 +122,7 @@ def make_programs(
     limits of τ, and the friction pyramid of each stance foot.
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
         wrench: External wrench w on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
             centre, base frame, N·m.
@@ -233,7 +233,7 @@ def _constraints(
     friction constraints of the contact forces.
 
     Args:
-        bodies: Dynamics terms of all n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of all n robots.
         stance: True for stance feet of all n robots, (n, 4). The g selected robots have equal numbers of stance feet.
         friction: Bounds of the contact forces of all n robots.
         selection: Indices or slice of the g robots.
@@ -266,7 +266,7 @@ def leg_torques(
     The planned forces must be within the friction pyramid, because the function does not check them.
 
     Args:
-        bodies: Dynamics terms of n robots.
+        bodies: Inertia matrix, bias force, Jacobians and other dynamics terms of n robots.
         reference: Accelerations and contact forces to track.
         wrench: External wrench on the trunks, (n, 6): force, level frame (yaw only), N, then moment about the trunk
             centre, base frame, N·m.

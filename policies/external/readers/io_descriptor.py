@@ -147,7 +147,8 @@ def _find_robot(settings: FileSettings) -> FileSettings:
 def _find_action(settings: FileSettings) -> FileSettings:
     """Return the settings of the only action term in an IO descriptor.
 
-    Raises PolicyError if there are several action terms, if it is not a JointPositionAction, or if it has a clip.
+    Raises PolicyError if there are several action terms, or if the only term is not a JointPositionAction or has a
+    clip.
     """
     actions = [_entry_settings(each, settings) for each in settings.get("actions")]
     kinds = [_function_name(action) for action in actions]
@@ -203,8 +204,8 @@ def _parse_gains(
 ) -> tuple[Numbers, Numbers]:
     """Return stiffness, N·m/rad, and damping, N·m·s/rad, of the joints, in the order of the actions.
 
-    They are read from `params/env.yaml` if a stiffness in the IO descriptor is 0 and this file exists. `order` has, for
-    each joint of the action, its index among the joints of the robot.
+    The gains are read from `params/env.yaml` if a stiffness in the IO descriptor is 0 and this file exists. `order`
+    has, for each joint of the action, its index among the joints of the robot.
     """
     gains = [robot.numbers(f"default_joint_{kind}") for kind in ("stiffness", "damping")]
     stiffness, damping = (tuple(values[index] for index in order) for values in gains)

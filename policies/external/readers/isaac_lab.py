@@ -92,8 +92,8 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
     """Return the joint names of an action or observation term.
 
     The regular expressions under the key `joint_names` of the term's settings select the names. The result has the
-    order of `asset_joints`, all joint names of the robot in Isaac Lab's order. If `preserve_order` is True, it has the
-    order of the expressions. Raises PolicyError if `asset_joints` is needed but None (unknown).
+    order of `asset_joints`, all joint names of the robot in Isaac Lab's order. If `preserve_order` is True, the result
+    has the order of the expressions. Raises PolicyError if `asset_joints` is needed but None (unknown).
     """
     if settings.find("joint_names") is None and settings.find("joint_ids") is not None:
         settings.raise_invalid("joint_ids", "absent, with the joints in `joint_names`")

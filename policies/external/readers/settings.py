@@ -216,8 +216,8 @@ class FileSettings:
         """Find the network file of the policy that these settings describe.
 
         Files with usual names (NETWORK_NAMES) are searched in three folders: the folder `exported` of the training run,
-        the folder of the training run, and the folder of the settings file. If there are none, the only .onnx file in
-        these folders is the network.
+        the folder of the training run, and the folder of the settings file. If none is found, the only .onnx file
+        in these folders is the network.
 
         Returns:
             Absolute path of the network file.

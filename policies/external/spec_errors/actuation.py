@@ -41,14 +41,15 @@ RATES = 25.0, 100 / 3, 50.0, 100.0
 MIRRORED_PENALTY = 0.4
 """Penalty of a correction that reverses the signs and default positions of some joints.
 
-The penalty is added to the deviation of the walk (velocity error divided by its tolerance). It is needed because the
-same network walks differently with this correction.
+The penalty is added to the deviation of the walk (velocity error divided by its tolerance). The penalty is
+needed because the network can walk in another way with this correction, even if the specification has a different
+error.
 """
 ROBOT_GAINS_PENALTY = 0.1
 """Penalty of a correction that sets the robot's own servo gains.
 
-The penalty is added to the deviation of the walk (velocity error divided by its tolerance). It is needed because a
-policy often walks well with the robot's own gains, too.
+The penalty is added to the deviation of the walk (velocity error divided by its tolerance). The penalty is
+needed because a policy often walks well with the robot's own gains, even if the specified gains are right.
 """
 _LINKS = "hip", "thigh", "calf"
 
