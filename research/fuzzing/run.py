@@ -57,7 +57,7 @@ REFUSED = "refused"
 
 @dataclass(frozen=True)
 class FuzzOptions:
-    """Options of the command `fuzz`: file format, duration and random changes."""
+    """Options of the command `fuzz`: file format, duration of the test, and random changes of the files."""
 
     format: Annotated[str, tyro.conf.Positional]
     """Name of a file format, as `python -m research fuzz list` prints it, or `all` for all formats."""

@@ -28,7 +28,7 @@ _SOURCE = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}")
 _SHA256 = re.compile("[0-9a-f]{64}")
 """Pattern of a SHA-256 hash, 64 hexadecimal digits."""
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
-"""Pattern of a path that may point outside of its folder; a policy list must not contain it."""
+"""Pattern of a path that may point outside of its folder; policy lists with a match are refused."""
 _DOWNLOAD_TIMEOUT = 60.0
 """Time without an answer of the server after which a download fails, s."""
 

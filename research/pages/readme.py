@@ -16,7 +16,7 @@ from research.pages import evaluations
 from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the part of the README into which this command writes the table of scores on other robots.
+"""Name of the part of the README into which the command `readme` writes the scores on other robots.
 
 The part is between the lines `<!-- robots -->` and `<!-- /robots -->`.
 """

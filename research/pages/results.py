@@ -89,8 +89,8 @@ def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
         results: Content of results.json.
 
     Returns:
-        Suffix of a CSV file's name, a key of TABLES -> rows of the file. A row is a dictionary: name of the column ->
-        value.
+        Suffix of a CSV file's name, for example `_scores` -> rows of the file. A row is a dictionary: name of the
+        column -> value.
     """
     cells = [
         {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}

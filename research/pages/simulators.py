@@ -24,7 +24,7 @@ from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 
 PLACE = "simulators"
-"""Name of the part of a Markdown page into which this command writes the comparison of the simulators.
+"""Name of the part of a Markdown page into which the command `simulators` writes its table.
 
 The part is between the lines `<!-- simulators -->` and `<!-- /simulators -->`.
 """

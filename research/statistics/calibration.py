@@ -26,9 +26,9 @@ LIMITS = {
 }
 """Name of an option -> smallest and largest valid value."""
 PLACE = "settled"
-"""Name of the part of a Markdown page into which this command writes the table of `--until settled`.
+"""Name of the part of a Markdown page with the error rates of evaluations with `--until settled`.
 
-The part is between the lines `<!-- settled -->` and `<!-- /settled -->`.
+The command `calibration` writes the part between the lines `<!-- settled -->` and `<!-- /settled -->`.
 """
 
 

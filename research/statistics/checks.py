@@ -35,8 +35,8 @@ The type I error rate is the fraction of significant tests if the compared polic
 DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 """Lower and upper bound of the type I error rate of tests of counts, for example of numbers of falls.
 
-The lower bound is 0, because the p-value of counts has only few possible values. If none of them is close to 5 %, fewer
-than 5 % of the tests are significant."""
+The lower bound is 0, because the p-value of counts has only few possible values. If none of these values is close to
+5 %, fewer than 5 % of the tests are significant."""
 FALL_RATIO = 0.8
 """Ratio of fall probabilities in a pair of synthetic policies: second policy divided by first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
@@ -127,7 +127,7 @@ def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
     """Yield the checks of the intervals of breaking points, with `count` episodes per severity.
 
     A breaking point is the severity of a disturbance at which half of the episodes fall. Each check is about one
-    synthetic disturbance axis. It counts the intervals that contain the true breaking point.
+    synthetic disturbance axis. A check counts the intervals that contain the true breaking point.
     """
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)

@@ -58,7 +58,7 @@ class Battery:
     def name(self) -> str:
         """Name of the battery in the table of results.
 
-        It states the number of policies, the distance between their true scores, and the number of scenarios.
+        The name states the number of policies, the distance between their true scores, and the number of scenarios.
         """
         gaps = [high - low for low, high in pairwise(sorted(set(self.points)))]
         if not gaps:

@@ -88,12 +88,12 @@ class FallCurve:
     """Fall probability of one kind of episodes: a logistic function of the logarithm of the severity."""
 
     share: float
-    """Fraction of all episodes that are of this kind, 0 to 1."""
+    """Fraction of all episodes that have this fall curve, 0 to 1."""
     median: float
-    """Severity at which half of the episodes of this kind fall.
+    """Severity at which the robot falls in half of the episodes that have this fall curve.
 
-    On an axis on which a larger severity is harder, a median of 0 means that all of these episodes fall at every
-    severity. A median of infinity means that none of these episodes falls."""
+    On an axis on which a larger severity is harder, a median of 0 means that the robot falls in all these
+    episodes at every severity. A median of infinity means that the robot falls in none of these episodes."""
     steepness: float = 1.0
     """Slope of the logistic function: factor of ln(severity / median), dimensionless."""
 

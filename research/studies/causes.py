@@ -46,7 +46,7 @@ class CausesOptions:
     films: Path | None = None
     """Folder for images of failed episodes, which a person judges; nothing else except `key.csv` is written."""
     run: Path = Path("results/evaluation")
-    """Folder of the evaluation with the failed episodes."""
+    """Folder of the evaluation from which --films takes the failed episodes."""
     count: int = 30
     """Number of images of failed episodes."""
     reading: Path | None = None

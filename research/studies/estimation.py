@@ -45,7 +45,7 @@ from quad_env.sensing.suite import sensor_suite
 from research.pages.blocks import RESULTS, read_page, write_block
 
 SETTLING = 100
-"""Number of control steps (1 s) at the start of an episode in which errors are not measured."""
+"""Number of control steps at the start of an episode in which no errors are measured: 1 s."""
 NEES_DIMENSION = 5
 """Dimension of the error vector of the NEES: two tilt errors and three velocity errors.
 
@@ -56,7 +56,7 @@ FORWARD = (0.5, 1.0)
 YAW_RATE = (-1.2, 1.2)
 """Range from which the yaw rate command of the undisturbed walks is drawn, rad/s."""
 PUSHES = "pushes"
-"""Name of the part of a Markdown page into which this command writes the errors after pushes.
+"""Name of the part of a Markdown page into which `estimation` writes the velocity errors after pushes.
 
 The part is between the lines `<!-- pushes -->` and `<!-- /pushes -->`.
 """
@@ -92,7 +92,8 @@ class EstimationOptions:
     threads: int = 1
     """Number of threads of the simulation."""
     page: Path | None = None
-    """Markdown file; the table goes between <!-- results --> and <!-- /results --> (`pushes` for pushes)."""
+    """Markdown file; the table is written between <!-- results --> and <!-- /results -->. With --table pushes, it is
+    written between <!-- pushes --> and <!-- /pushes -->."""
 
 
 class EstimationErrors(NamedTuple):
@@ -105,17 +106,18 @@ class EstimationErrors(NamedTuple):
     tilt: Floats
     """Error of estimated roll and pitch at the time of the sensor readings, (steps, episodes, 2), rad."""
     velocity: Floats
-    """Error of the trunk velocity estimated for the time of the sensor readings.
+    """Error of the trunk velocity that is estimated for the time of the sensor readings.
 
-    Base frame, (steps, episodes, 3), m/s."""
+    True minus estimated velocity, base frame, (steps, episodes, 3), m/s."""
     observed_velocity: Floats
-    """Error of the trunk velocity in the observation: true velocity at the time of the action minus it.
+    """Error of the trunk velocity in the observation, at the time of the action of the policy.
 
-    Base frame, (steps, episodes, 3), m/s."""
+    True minus observed velocity, base frame, (steps, episodes, 3), m/s."""
     nees: Floats
     """Normalised estimation error squared eᵀ P⁻¹ e, (steps, episodes), dimensionless.
 
-    It measures if the estimator's covariance P fits the errors e. It is NaN if the estimator has no covariance."""
+    The NEES measures how well the estimator's covariance P fits the errors e of tilt and velocity. It is NaN if the
+    estimator has no covariance."""
 
 
 def main(options: EstimationOptions) -> int:
@@ -230,7 +232,9 @@ def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
 
 
 def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
-    """Compute the root mean square (RMS) error in each of the time windows WINDOWS, over all pushes.
+    """Compute the root mean square (RMS) error in each time window around the pushes, over all pushes.
+
+    WINDOWS has the start and end of each window, counted from the start of a push.
 
     Args:
         vectors: Error vectors of n robots from control step SETTLING on, (steps, n, 3); NaN after a fall.
@@ -368,7 +372,7 @@ class EstimationErrorObserver:
             fall_step: Control step of each robot's fall, (n,); the number of steps if it did not fall.
 
         Returns:
-            Errors from control step SETTLING on.
+            Errors from control step 100 (SETTLING) on, which is 1 s after the start of the episode.
         """
         errors = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
         has_fallen = np.arange(SETTLING, SETTLING + len(errors.nees))[:, None] >= fall_step

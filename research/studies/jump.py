@@ -42,7 +42,7 @@ class JumpResult:
     rise: Floats
     """Largest height of each robot's trunk centre above the home pose, (n,), m."""
     stands: NDArray[np.bool_]
-    """True for robots that stand at the end of the episode, (n,); `recovery.is_standing` has the criterion."""
+    """True for robots that stand at the end of the episode, (n,), by `recovery.is_standing`."""
     peak_torque: float
     """Largest absolute joint torque over all robots, joints and control steps, N·m."""
     rated_torque: float

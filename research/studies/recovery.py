@@ -28,7 +28,7 @@ STANDING_HEIGHT = 0.45
 STANDING_SPEED = 0.3
 """Largest velocity at which a robot counts as standing.
 
-It limits each component of linear velocity, m/s, and angular velocity, rad/s, in the base frame.
+The limit applies to each component of linear velocity, m/s, and angular velocity, rad/s, in the base frame.
 """
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
 """Scenario in which the robots start in a random pose on flat ground, as after a fall."""
@@ -45,7 +45,7 @@ class RecoveryResult:
     """Result of the recoveries of n robots, made by `run_recovery`."""
 
     standing_since: Floats
-    """Time since which each robot has been standing at the end of the episode, (n,), s.
+    """Time from which each robot stands without a break until the end of the episode, (n,), s.
 
     The time is infinite if the robot does not stand at the end."""
     peak_torque: float

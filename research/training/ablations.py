@@ -133,7 +133,7 @@ def train_missing(run: TrainConfig) -> None:
         run: Training settings, including the folder of the run.
 
     Raises:
-        UsageError: The folder contains a run with other settings.
+        UsageError: The folder contains a training run with other settings.
     """
     from train.run import train
 

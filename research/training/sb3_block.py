@@ -31,7 +31,7 @@ from research.pages import markdown
 from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the part of the README into which this command writes the results of the trained models.
+"""Name of the part of the README into which the command `sb3-block` writes the results of its models.
 
 The part is between the lines `<!-- sb3 -->` and `<!-- /sb3 -->`.
 """

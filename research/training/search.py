@@ -47,7 +47,7 @@ EXERCISES = (
 For other robots, the severities are scaled to the size of the robot.
 The severities range from mild ones, at which a trot succeeds, to hard ones, at which a trot rarely succeeds."""
 SIGNIFICANT = 0.05
-"""Significance level of the sign-flip test in `adoption_decision`, which compares the mean costs.
+"""Significance level of the sign-flip test that compares new with present parameters, dimensionless.
 
 New parameters are adopted only if the p-value of the test is not larger."""
 ADOPTED = "The outcome is adopted."
