@@ -22,8 +22,8 @@ SENSORS = "typical"
 ESTIMATOR = "kalman"
 """State estimator of the hardware profile, a name in `quad_env.ESTIMATORS`.
 
-It was chosen because policies succeeded in more validation episodes under pushes than with the estimator
-`complementary`. On rough ground, they succeeded in equally many episodes.
+This estimator was chosen on episodes that are reserved for validation. Under pushes, policies succeeded in more
+episodes than with the estimator `complementary`. On rough ground, the policies succeeded in equally many episodes.
 """
 # Peak torques and speeds are from unitreerobotics/unitree_ros, go1_description and go2_description, xacro/const.xacro.
 # The torque of a calf motor is 1.5 times as large at the joint, because a linkage multiplies it.

@@ -152,7 +152,7 @@ class FirstOrderFilter:
 
 
 class MotorThermalModel:
-    """First-order thermal model of the motors of n robots; it lowers the torque limit of a hot motor.
+    """First-order thermal model of the motors of n robots, which lowers the torque limit of a hot motor.
 
     `Thermal` documents the equations. The thermal model of MuJoCo 4.0's `dcmotor` is not used, because it computes the
     heat from the current before the force range limits the torque. A motor that is switched off would then be heated
@@ -218,8 +218,8 @@ def make_target_filter(
         timestep: Physics step, s.
 
     Returns:
-        The filter; None if neither the scenario nor the actuator limits the bandwidth. It is also None if the actuator
-        has no torque-speed curve, because MuJoCo's own servos then filter the targets.
+        The filter; None if neither the scenario nor the actuator limits the bandwidth. The result is also None if the
+        actuator has no torque-speed curve, because MuJoCo's own servos then filter the targets.
     """
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
     if actuator.curve is None or bandwidth is None:

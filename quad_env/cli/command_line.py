@@ -238,8 +238,8 @@ def make_folder_of(file: Path, option: str) -> None:
 def survive_narrow_encodings() -> None:
     """Make stdout and stderr print `?` for characters that their encoding does not contain.
 
-    Without this change, Python would raise an error. The environment variable COLUMNS (width of the terminal) is
-    deleted if it is zero.
+    By default, Python would raise an error for these characters. The environment variable COLUMNS (width of the
+    terminal) is deleted if it is zero.
     """
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]

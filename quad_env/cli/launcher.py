@@ -1,8 +1,8 @@
 """Start and end of command-line programs, in which Ctrl-C and a closed pipe give no traceback.
 
 The module `__main__` of a program calls `leave_on_interrupt` before its slow imports, and then `launch`. The program
-calls `raise_on_interrupt` once everything is imported and it can save its results. This module imports only parts of
-the standard library that load fast.
+calls `raise_on_interrupt` once all modules are imported and the program can save its results. This module imports only
+parts of the standard library that load fast.
 """
 
 import errno
@@ -165,8 +165,8 @@ def memory_is_limited() -> bool:
 def save_memory_where_limited() -> None:
     """Limit OpenBLAS, the linear algebra library of NumPy, to one thread if the memory is limited.
 
-    OpenBLAS reserves memory for each of its threads. It ends the process or hangs if it does not get this memory. This
-    function must be called before NumPy is imported.
+    OpenBLAS reserves memory for each of its threads. If OpenBLAS does not get this memory, it ends the process or
+    hangs. This function must be called before NumPy is imported.
     """
     if memory_is_limited():
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -18,7 +18,7 @@ LINE_PERIOD = 10.0
 CellProgress: TypeAlias = Callable[[str, str, float], None]
 """Type of a callback that receives the progress of a policy-scenario pair of an evaluation.
 
-Its arguments are the name of the policy, the name of the scenario, and the completed fraction of the episodes, 0 to 1.
+The arguments are the name of the policy, the name of the scenario, and the completed fraction of the episodes, 0 to 1.
 The callback is called with the fraction 1 exactly once per pair.
 """
 

@@ -41,7 +41,7 @@ class Suspect:
     apply_remedy: ModelChange | None = None
     """Function that changes the model of a simulation as the remedy proposes.
 
-    It is None if the remedy changes parameters of the robot instead of the model.
+    The field is None if the remedy changes parameters of the robot instead of the model.
     """
     robot: Robot | None = None
     """Robot with the parameters that the remedy proposes; None if the remedy changes only the model."""

@@ -111,11 +111,11 @@ class DoctorCheck:
     place: str
     """Module and name of the function that performs the check, such as `quad_env.doctor.model:model`.
 
-    The function takes a `DoctorSubject` and returns a `Finding`. Its module is imported only by `run`, because the
+    The function takes a `DoctorSubject` and returns a `Finding`. Only the method `run` imports the module, because the
     import itself may fail.
     """
     needs: tuple[str, ...] = ()
-    """Names of the checks that must succeed before this one.
+    """Names of the checks that must succeed before this check is run.
 
     If one of these checks finds a problem, this check is left out, because it would only report the same problem again.
     """

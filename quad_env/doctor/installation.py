@@ -31,7 +31,7 @@ env.close()
 """
 """Source code of a Python program that draws one image of the robot with OpenGL.
 
-It runs in a subprocess, because a broken OpenGL can crash the process that uses it.
+The program runs in a subprocess, because a broken OpenGL can crash the process.
 """
 
 

@@ -1,7 +1,7 @@
 """Checks of a robot's model for the command `doctor`.
 
-They examine the loading of the model, the plausibility of its numbers, joint names, joint limits, and the symmetry of
-left and right legs.
+The checks examine the loading of the model, the plausibility of its numbers, joint names, joint limits, and the
+symmetry of left and right legs.
 """
 
 from collections.abc import Iterator
@@ -59,7 +59,8 @@ def model(subject: DoctorSubject) -> Finding:
 def _describe_model(robot: Robot) -> Finding:
     """Return the finding "ok" for a valid model of `robot`.
 
-    Its details list the parts of the model file that are not simulated, and shapes that overlap in the home pose.
+    The details of the finding list the parts of the model file that are not simulated, and shapes that overlap in the
+    home pose.
     """
     locked = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"

@@ -16,7 +16,7 @@ STAND_TIME = 2.0
 
 @dataclass(frozen=True)
 class StanceLimits:
-    """Largest valid measurements of the stance test; a robot that exceeds one of them does not stand."""
+    """Largest valid measurements of the stance test; a robot that exceeds one of these limits does not stand."""
 
     tilt: float = 0.1
     """Largest valid angle between the trunk's z axis and the vertical in the home pose, rad."""
@@ -75,7 +75,7 @@ class Stance:
     tracking_errors: NDArray[np.float64] | None = None
     """Absolute difference between each joint angle and its target in the home pose, (12,), rad.
 
-    It is None if the simulation has diverged.
+    The attribute is None if the simulation has diverged.
     """
     torque: float = math.nan
     """Largest joint torque in the home pose, N·m: magnitude of the mean over time of each joint's torque."""

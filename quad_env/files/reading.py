@@ -1,6 +1,6 @@
 """Functions that read and parse users' files with limits on their size.
 
-They raise an error for a file that is too large or is no regular file, such as a pipe.
+The functions raise an error for a file that is too large or is no regular file, such as a pipe.
 """
 
 import errno

@@ -74,8 +74,8 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
 
     Args:
         robot: Parameters of the user's robot.
-        modified: Current modification time of the model's file, ns. The file is read again if it has changed since
-            `robot` was made from it.
+        modified: Current modification time of the model's file, ns. The file is read again if the file has changed
+            since `robot` was made.
 
     Returns:
         The model with a copy of its `mujoco.MjSpec`.
@@ -212,8 +212,8 @@ def angle_unit(joint: Any) -> float:
 def remove_forces(attached: AttachedModel) -> None:
     """Remove the forces of a user's model that this package does not simulate.
 
-    These are gravity compensation, plugins, plastic yielding of springs, and all passive forces of the free joint:
-    springs, damping, armature and friction. The module `omissions` reports the removed forces to the user.
+    The removed forces are gravity compensation, plugins, plastic yielding of springs, and all passive forces of the
+    free joint: springs, damping, armature and friction. The module `omissions` reports them to the user.
     """
     import mujoco
 
@@ -336,7 +336,7 @@ def _add_trunk_box(attached: AttachedModel) -> None:
 def reset_orientation(element: Any) -> None:
     """Align a new geom or site, `element`, with the axes of its body.
 
-    This is needed because defaults in the user's file may rotate every new geom or site.
+    The function is needed because defaults in the user's file may rotate every new geom or site.
     """
     import mujoco
 

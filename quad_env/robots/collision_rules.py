@@ -86,7 +86,7 @@ def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> lis
 def apply_rules(rules: Sequence[Rule]) -> None:
     """Write the final name of each body or geom into the collision rule that names it.
 
-    This must be called after all bodies and geoms have been renamed, because MuJoCo's rules refer to names.
+    The function must be called after all bodies and geoms have been renamed, because the rules refer to names.
     """
     for rule, field, element in rules:
         setattr(rule, field, element.name)
@@ -100,7 +100,7 @@ def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
 
     Yields:
         Name of the part, such as `fl_calf`, and its bodies and geoms in `attached.spec`. Each of these bodies and geoms
-        gets one sensor.
+        gets one contact sensor.
     """
     structure = attached.structure
     trunk = [] if structure.trunk_collides(attached.model) else [attached.elements.bodies[structure.trunk]]
@@ -118,7 +118,7 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
     Args:
         attached: The user's model.
         body: Id of a body; the link consists of this body and all bodies that are welded to it.
-        foot: Ids of the foot geoms. They are left out, because the foot has a separate contact sensor.
+        foot: Ids of the foot geoms. Foot geoms are left out, because the foot has a separate contact sensor.
 
     Returns:
         Bodies of the link with geoms that collide with the ground. A body that also has foot geoms is replaced by its
@@ -135,7 +135,7 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
 def set_ground_bits(attached: AttachedModel) -> None:
     """Set the bit `GROUND_BIT` of `contype` in the geoms that collide with the ground, and clear it in all other geoms.
 
-    The bit is also cleared in `conaffinity` of all geoms, so that it does not affect self-collisions.
+    The bit is also cleared in `conaffinity` of all geoms, so that `GROUND_BIT` does not affect self-collisions.
     """
     for geom, collides in enumerate(attached.structure.collides_with_ground):
         element = attached.elements.geoms[geom]

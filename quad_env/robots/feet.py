@@ -52,7 +52,7 @@ class FootThresholds:
     short_level: float = 5e-3
     """Replacement of the threshold `level` for a geom that is too short for a shin, in poses with a tilted shin, m.
 
-    It is larger than `level` because contacts yield under load.
+    The threshold is larger than `level` because contacts yield under load.
     """
     ball_depth: float = 1e-4
     """Largest depth of foot geoms below the foot's ball at which the ball alone represents the foot, m.
@@ -88,7 +88,7 @@ def _sample_directions() -> Floats:
     """Return k unit vectors that sample all directions, base frame with the leg straight down, (k, 3).
 
     `extreme_points` keeps the points of a foot that are extreme in one of these directions. The vectors are denser near
-    the plane in which the leg bends, because the lowest point of a tilted shin lies in one of these directions.
+    the plane in which the leg bends, because the lowest point of a tilted shin lies in a direction near this plane.
     """
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 3)
     surface = grid[np.abs(grid).max(axis=1) == 1.0]
@@ -408,8 +408,8 @@ def _is_short(points: Floats, down: Floats, length: float) -> bool:
 def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
     """Return the directions of gravity relative to the leg in k poses of a standing robot.
 
-    The leg stays straight, and gravity is tilted instead of the shin. This gives the same lowest points, and the model
-    does not have to be moved.
+    The leg stays straight, and gravity is tilted instead of the shin. The lowest points of the foot are the same, and
+    the joints of the model do not have to be moved.
 
     Args:
         down: Direction of the straight leg, unit vector, world frame, (3,).

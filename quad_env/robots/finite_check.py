@@ -18,7 +18,7 @@ _FIELDS = (
 _JOINT_FIELDS = ("dof_armature", "dof_damping", "dof_frictionloss")
 """Names of fields of `mujoco.MjModel` that must be finite, with one row per degree of freedom."""
 _SHOWN = 3
-"""Largest number of parts with NaN or infinity that the error message names; the others are only counted."""
+"""Largest number of parts with NaN or infinity that the error message names; further parts are only counted."""
 
 
 def nonfinite_parts(model: Any) -> Iterator[str]:

@@ -22,7 +22,7 @@ MIN_INERTIA = 1e-15
 INERTIA_FROM_GEOMS = 1
 """Value of the compiler option `inertiafromgeom` with which MuJoCo ignores the inertias in the file.
 
-It is MuJoCo's constant mjINERTIAFROMGEOM_TRUE: all inertias are then computed from the shapes.
+The value is MuJoCo's constant mjINERTIAFROMGEOM_TRUE: MuJoCo then computes all inertias from the shapes.
 """
 MIN_LINK_MASS = 1e-9
 """Mass that replaces the missing mass of a moving link, kg; it is too small to affect the motion."""

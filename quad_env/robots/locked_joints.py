@@ -71,7 +71,8 @@ def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
 def _trunk_candidate(model: Any, root: int, branches: dict[int, list[int]]) -> int:
     """Return the id of the body that is probably the trunk.
 
-    This is the body from which at least four branches of the kinematic tree hang, else the root.
+    The trunk is the body from which at least four branches of the kinematic tree hang, or the root body if no body has
+    four branches.
 
     Args:
         model: Compiled `mujoco.MjModel`.

@@ -22,8 +22,8 @@ DIGEST_FIELDS = (
 OPTIONAL_DIGEST_FIELDS = ("jnt_stiffnesspoly", "dof_dampingpoly")
 """Fields of `mujoco.MjModel` that enter the digest of a robot only if they are not zero.
 
-They are zero for robots without nonlinear springs and dampers. The digests of these robots remain valid, because
-earlier versions of this package did not include the two fields.
+The two fields are zero for robots that have neither nonlinear springs nor nonlinear dampers. The digests of these
+robots remain valid, because earlier versions of this package did not include the fields.
 """
 
 

@@ -217,7 +217,8 @@ def _missing_file_lines(spec: Any) -> Iterator[tuple[str, str]]:
 def _keep_parts(mujoco: Any, spec: Any) -> None:
     """Set MuJoCo's compiler options so that it keeps every body, geom and frame of the file.
 
-    This is needed because the elements of the `mujoco.MjSpec` are later found by their ids in the compiled model.
+    The function is needed because the elements of the `mujoco.MjSpec` are later found by their ids in the compiled
+    model.
     """
     for part in (spec, *spec.bodies, *spec.joints, *spec.geoms):
         compiler = part.compiler

@@ -1,6 +1,7 @@
 """Texts about a user's model that the commands `describe` and `doctor` print.
 
-They describe the feet, the parts that the imported robot does not have, overlapping bodies, and the names of bodies.
+The texts describe the feet, the parts that the imported robot does not have, overlapping bodies, and the names of
+bodies.
 """
 
 from collections.abc import Iterator

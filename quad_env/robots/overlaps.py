@@ -1,8 +1,8 @@
 """Detection of a robot's collision shapes that overlap in the home pose, such as a rotor inside the trunk.
 
-Models that were made for simulators without self-collision often have overlaps. Two overlapping bodies would push each
-other apart against the servos. The simulated scene therefore excludes collisions between these two bodies. An overlap
-of a foot does not lead to an exclusion.
+Models that were made for simulators without self-collision often have overlapping shapes. Two overlapping bodies would
+push each other apart against the servos. The simulated scene therefore excludes collisions between these two bodies. An
+overlap of a foot geom with another body does not lead to this exclusion.
 """
 
 import copy

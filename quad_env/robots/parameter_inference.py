@@ -101,7 +101,7 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
     Args:
         path: MJCF or URDF file.
         name: Name of the robot.
-        given: Name -> value of each parameter that the user has given, so that it is not inferred.
+        given: Name -> value of each parameter that the user has given; the function does not infer these parameters.
 
     Returns:
         The parameters of the robot; the field `source` is not set yet.

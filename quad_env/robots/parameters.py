@@ -60,7 +60,7 @@ class RobotParameters:
     thigh_radius: float
     """Radius of the thigh about the line from the thigh joint to the calf joint, m.
 
-    It is the distance from this line to the farthest point of the thigh's colliding shape, rounded up.
+    The radius is the distance from this line to the farthest point of the thigh's colliding shape, rounded up.
     """
     trunk_size: Floats
     """Full lengths of the trunk's bounding box along x, y and z, base frame, (3,), m."""
@@ -115,7 +115,8 @@ class RobotParameters:
     def keeps_contact(self) -> bool:
         """True if the robot's geoms keep the contact parameters of its model, False if they get SimpleQuad's.
 
-        The imported robots of the registry keep the parameters, because results with these robots have been published.
+        The imported robots in `quad_env.ROBOTS` keep the parameters, because results with these robots have been
+        published.
         """
         return self.imported and self.source is None
 

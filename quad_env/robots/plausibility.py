@@ -35,7 +35,8 @@ _NEGATIVE = {
 """Quantity that must not be negative -> fields of `mujoco.MjModel` with its values and with their joints.
 
 Each pair consists of two field names. The first field contains the values. The second field contains the id of the
-joint for each row of the first field. It is None if row i of the first field belongs to the joint with the id i.
+joint for each row of the first field. The second name is None if row i of the first field belongs to the joint with the
+id i.
 """
 
 

@@ -51,11 +51,11 @@ def check_referenced_files(path: Path) -> None:
 def _named_files(text: bytes, folder: Path) -> Iterator[Path]:
     """Yield the possible paths of each file that a model names.
 
-    A path may be relative to the model's folder, or to a mesh, texture or asset folder that the model names. All these
-    paths are yielded, although most of them do not exist.
+    A path may be relative to the model's folder, or to a mesh, texture or asset folder that the model names. All
+    combinations are yielded, although most of these paths do not exist.
 
     Args:
-        text: Content of the model file.
+        text: Content of a model file, which names other files.
         folder: Folder of the main model file.
 
     Yields:

@@ -122,8 +122,8 @@ def _load_builtin(name: str) -> Robot:
 def _read(path: Path, _changed: int) -> Robot:
     """Read a robot from the MJCF, URDF or TOML file `path`, or return it from the cache.
 
-    `_changed` is the modification time of the file, ns. It is part of the cache's key, so that a changed file is read
-    again.
+    `_changed` is the modification time of the file, ns. This time is part of the cache's key, so that a changed file is
+    read again.
     """
     return Robot.from_mjcf(path)
 

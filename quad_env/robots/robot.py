@@ -75,7 +75,8 @@ class Robot(RobotParameters):
             damping: Gain on the joint speed, a number or (12,), N·m·s/rad; None for the gain of this robot.
 
         Returns:
-            The robot with these gains. Its `servo_fixed` is True if they differ from `stiff_servo`.
+            The robot with these gains. The attribute `servo_fixed` of this robot is True if the gains differ from
+            `stiff_servo`.
         """
         own_or_given = (
             self.servo_stiffness if stiffness is None else stiffness,
@@ -112,7 +113,8 @@ class Robot(RobotParameters):
     def with_stiff_servos(self) -> "Robot":
         """Copy of this robot with the servo gains `stiff_servo`, for controllers that need stiff servos.
 
-        It is this robot itself, with its own gains, if `servo_fixed` is True.
+        If `servo_fixed` is True, the property is this robot itself, with the gains `servo_stiffness` and
+        `servo_damping`.
         """
         stiffness, damping = self.stiff_servo
         return self if self.servo_fixed else self._with(servo_stiffness=stiffness, servo_damping=damping)
@@ -185,7 +187,8 @@ class Robot(RobotParameters):
     def sha256(self) -> str:
         """SHA-256 of the robot's compiled model; a trained policy is valid only for a robot with the same value.
 
-        It covers the names of legs and joints, and the model's physical numbers, rounded to six significant digits.
+        The hashed text contains the names of legs and joints, and the model's physical numbers, rounded to six
+        significant digits.
         """
         return digest((*self.leg_names, *self.joint_names), self.model)
 

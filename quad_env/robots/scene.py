@@ -37,7 +37,8 @@ _LIGHT_FIELDS = ("mode", "type", "dir", "cutoff", "exponent", "diffuse")
 _REMOVED = ("actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
 """Attributes of `mujoco.MjSpec` with the elements that are deleted from a user's model.
 
-They are deleted before the model is attached to the scene, because the scene has its own elements of these kinds.
+The elements are deleted before the model is attached to the scene, because the scene has its own elements of these
+kinds.
 """
 _IMU_SIZE = 0.005
 """Radius of the site that marks the IMU on the trunk, m; the radius does not affect the measurements."""

@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 GROUND_BIT = 1 << 30
 """Collision bit in `contype` of geoms that collide with the ground, and in `conaffinity` of the ground.
 
-With this bit the geoms collide with the ground, independent of the collision bits in the user's model. It does not
+With this bit the geoms collide with the ground, independent of the collision bits in the user's model. The bit does not
 change the self-collisions of the robot.
 """
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -69,8 +69,8 @@ def collision_mask(model: Any) -> Bools:
 def ground_collision_mask(model: Any, root: int) -> Bools:
     """Find the geoms of a user's robot that collide with the ground.
 
-    These are the geoms with a collision bit in `contype` or `conaffinity`, and the geoms in an explicit pair with a
-    geom that does not belong to the robot.
+    The found geoms are the geoms with a collision bit in `contype` or `conaffinity`, and the geoms in an explicit pair
+    with a geom that does not belong to the robot.
 
     Args:
         model: Compiled `mujoco.MjModel` of the user's file.

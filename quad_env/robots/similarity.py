@@ -51,8 +51,8 @@ The height scales with the hip height in the home pose instead of the leg length
 KNEE_SIGN_SUFFIX = " ahead"
 """Suffix of the unit of a forward quantity with a sign that depends on the direction in which the knees bend.
 
-The quantity is negated for a robot with knees that bend opposite to SimpleQuad's, which bend backward. It is 0 for a
-robot with two knees that bend forward and two that bend backward.
+The quantity is negated for a robot with knees that bend opposite to SimpleQuad's, which bend backward. The quantity is
+0 for a robot with two knees that bend forward and two knees that bend backward.
 """
 
 

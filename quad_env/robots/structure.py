@@ -164,7 +164,7 @@ class RobotStructure:
     def _trunk_bodies(self, model: Any) -> list[int]:
         """Return the ids of the trunk and of the bodies that are welded to it in the user's file.
 
-        Bodies that are welded to it only because their joint was locked, such as an arm, are left out.
+        Bodies that are welded to the trunk only because their joint was locked, such as an arm, are left out.
         """
         return [body for body in welded_bodies(model, self.trunk) if body not in self.carried_bodies]
 
@@ -430,7 +430,7 @@ class _Chain(NamedTuple):
 class _LegVectors(NamedTuple):
     """Vectors between the joints and the foot of a leg in the pose `qpos0`.
 
-    They are in the leg frame: x forward, y along the thigh's axis to the left.
+    The vectors are in the leg frame: x forward, y along the thigh's axis to the left.
     """
 
     hip_to_thigh: Floats

@@ -29,7 +29,7 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
         joints: Ids of k hinges.
 
     Returns:
-        Smallest and largest torque of each hinge, (k, 2), N·m. They are infinite if the model does not limit the
+        Smallest and largest torque of each hinge, (k, 2), N·m. The torques are infinite if the model does not limit the
         torque, or if the hinge has neither an actuator nor a torque limit.
     """
     import mujoco
@@ -143,8 +143,8 @@ def _max_tension(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> f
     """Compute the largest force along a tendon that limits the sum of its actuator forces.
 
     At first, each actuator has the force that contributes most to the force along the tendon. If the sum of these
-    forces is outside its limits, the forces are changed until the sum is within the limits. The actuator with the
-    smallest gear ratio is changed first, because its change reduces the force along the tendon least.
+    forces is outside `limits`, the forces are changed until the sum is within `limits`. The actuator with the smallest
+    gear ratio is changed first, because its change reduces the force along the tendon least.
 
     Args:
         actuators: Gear ratio, and range of the force before the gear, (2,), of each actuator of the tendon.
@@ -180,7 +180,7 @@ def _scale_range(factor: float, force: Floats) -> Floats:
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     """Return the smallest and largest force of an actuator before its gear ratio is applied, (2,), N or N·m.
 
-    Both are infinite if the model does not limit the force.
+    Both forces are infinite if the model does not limit the force.
 
     Args:
         mujoco: The package `mujoco`.
@@ -213,7 +213,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of an actuator's input, (2,): of its activation if it has one, else of its control.
+    """Return the range of an actuator's input, (2,): its activation if the actuator has one, else its control.
 
     The force of the actuator is the input times its gain, plus its bias. The range is infinite if the input is not
     limited.

@@ -111,7 +111,7 @@ def _zero_tiny_inertias(robot: ElementTree.Element) -> None:
 def _number_meshes(robot: ElementTree.Element, path: Path, folder: str) -> dict[str, Path]:
     """Replace the file names of the meshes in a URDF by unique numbers such as `3.stl`.
 
-    This is needed because MuJoCo considers two files with the same name in different folders as the same file.
+    The numbers are needed because MuJoCo considers two files with the same name in different folders as the same file.
 
     Args:
         robot: Root element of the URDF, which is changed.

@@ -49,8 +49,8 @@ from quad_env.sensing.suite import SensorSuite
 class KalmanParameters:
     """Tuning parameters of `KalmanFilter`: process noise that the data sheets of the sensors do not give.
 
-    All values were tuned on search episodes of the policies `trot` and `trot_feedback`. The scenarios were flat ground,
-    rough ground, and walking straight ahead.
+    All values were tuned on episodes that are reserved for searches, with the policies `trot` and `trot_feedback`. The
+    scenarios were flat ground, rough ground, and walking straight ahead.
     """
 
     gyro_interpolation_noise: float = 0.35
@@ -69,8 +69,8 @@ class KalmanParameters:
     """Fraction of the IMU's distance from the trunk's centre that is treated as noise in each sample.
 
     When the trunk turns, the IMU moves relative to the trunk's centre. This velocity averages out over a stride, so
-    that only a fraction of it acts as noise. A larger value makes the filter trust the accelerometer less while the
-    trunk turns.
+    that only a fraction of the velocity acts as noise. A larger value makes the filter trust the accelerometer less
+    while the trunk turns.
     """
     contact_velocity_std: float = 0.015
     """Standard deviation of the velocity of a stance foot along each axis, m/s.
@@ -560,9 +560,9 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
     """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m².
 
     `probability` is the contact probability of each foot of k robots, (k, 4). `innovation` is the measured minus the
-    predicted foot position, (k, 4, 3), m. `expected` is the covariance of the innovation for a foot in contact,
-    (k, 4, 3, 3), m². `vertical` is the projection matrix onto the vertical, (k, 1, 3, 3). All of them are in the base
-    frame. `dt` is the control period, s.
+    predicted foot position, (k, 4, 3), m. `expected` is the covariance of the innovation for a foot in contact, (k, 4,
+    3, 3), m². `vertical` is the projection matrix onto the vertical, (k, 1, 3, 3). All vectors and matrices are in the
+    base frame. `dt` is the control period, s.
     """
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
     vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
@@ -588,8 +588,8 @@ def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
 def _foot_blocks(covariance: Array, legs: int) -> Array:
     """Return the covariance of each foot's position, base frame, (k, 4, 3, 3), m².
 
-    These are 3x3 blocks on the diagonal of `covariance`, which is the covariance of the errors of k states,
-    (k, 24, 24). `legs` is the number of legs.
+    The result contains the 3x3 blocks on the diagonal of `covariance`, which is the covariance of the errors of k
+    states, (k, 24, 24). `legs` is the number of legs.
     """
     return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
 

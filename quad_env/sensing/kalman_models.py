@@ -248,7 +248,7 @@ def matvec(matrices: Array, vectors: Array) -> Array:
 class ContactParameters:
     """Parameters of the hidden Markov model that estimates the contact of each foot.
 
-    All values were tuned on search episodes of the policies `trot` and `trot_feedback`.
+    All values were tuned on episodes that are reserved for searches, with the policies `trot` and `trot_feedback`.
     """
 
     liftoff_probability: float = 0.3

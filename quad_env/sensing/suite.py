@@ -1,8 +1,8 @@
 """Settings of the sensors of a robot and of their errors, in physical units.
 
-A sensor takes samples at control steps, `rate` times a second from the start of the episode. It holds each sample until
-the next one. Policy and estimator can read a sample from the first control step that is at least `delay` after the
-measurement. Biases and offsets are errors: the estimator and the policy do not know them.
+A sensor takes samples at control steps, `rate` times a second from the start of the episode. The sensor holds each
+sample until the next sample. Policy and estimator can read a sample from the first control step that is at least
+`delay` after the measurement. Biases and offsets are errors: the estimator and the policy do not know them.
 """
 
 import math
