@@ -96,7 +96,7 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
     @property
     def mechanical_power(self) -> ScalarOrBatch:
-        """Mechanical power Σ |joint torque · joint velocity| over the joints, W."""
+        """Mechanical power, W: the sum over the joints of the absolute product of torque and velocity."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 

@@ -77,7 +77,7 @@ class Axis:
             number: Number of the level, counted from 1.
 
         Returns:
-            The scenario; its name is, for example, `push:3` for level 3 of the axis `push`.
+            The scenario, which is named by the axis and the level.
 
         Raises:
             ValueError: There is no level of this number; the message names the valid numbers.

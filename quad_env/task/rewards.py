@@ -73,7 +73,7 @@ def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-|e| / YAW_ERROR_SCALE) with the error e of the yaw rate about the world's vertical, rad/s.
+    """Return exp(-e / YAW_ERROR_SCALE) with the absolute error e of the yaw rate about the world's vertical, rad/s.
 
     The error is the commanded yaw rate minus the yaw rate of the trunk.
     """
@@ -132,7 +132,7 @@ def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the mechanical power Σ |joint torque · joint velocity| over the joints, W."""
+    """Return the mechanical power, W: the sum over the joints of the absolute product of torque and velocity."""
     return state.mechanical_power
 
 
@@ -215,7 +215,7 @@ def pose(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def stand_still(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ |deviation from the home pose| over the joints, rad, if the command is zero; otherwise 0.
+    """Return the sum of the joints' absolute deviations from the home pose, rad, if the command is zero; else 0.
 
     The term follows legged_gym (Rudin et al. 2022, `_reward_stand_still`).
     """
