@@ -13,18 +13,19 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
-"""Mask, (transitions, states): True if the transition (row of `TRANSITIONS`) can start from the `State`."""
+"""True if a transition (row of `TRANSITIONS`) can start in a `State`, (transitions, states) bool."""
 for _number, _transition in enumerate(TRANSITIONS):
     _SOURCE[_number, list(_transition.sources)] = True
 _TARGET = np.array([transition.target for transition in TRANSITIONS], np.int8)
-"""Number of the `State` after each transition (row of `TRANSITIONS`), (transitions,)."""
+"""For each transition (row of `TRANSITIONS`): number of the `State` that it leads to, (transitions,)."""
 
 
 class BehaviourMachine(PerRobotState):
-    """State machine for the behaviour of n robots; the current behaviour of a robot is its `State`.
+    """State machine that selects the behaviour of n robots; the current behaviour of a robot is its `State`.
 
-    `request` takes transitions that a caller asks for, for example to a jump. `observe` takes transitions that follow
-    from the observation, for example to a fall. The policy `Behaviour` uses one object of this class.
+    The method `request` performs transitions that a caller asks for, for example to a jump. The method `observe`
+    performs transitions that follow from the observation, for example to a fall. The policy `Behaviour` uses one object
+    of this class.
 
     Args:
         start: State of each robot after a reset.
@@ -39,7 +40,7 @@ class BehaviourMachine(PerRobotState):
     _changed: Mask = per_robot(True)
     """True for robots that have entered a state since the last call of `take_changes`, (n,)."""
     _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
-    """True if a condition held in the latest observation, (n, len(GUARDS)), in the order of `GUARDS`."""
+    """True for conditions that hold in the latest observation, (n, len(GUARDS)); columns as in `GUARDS`."""
 
     def __init__(self, start: State = State.STAND, robot: Robot = SIMPLE_QUAD, period: float = CONTROL_PERIOD) -> None:
         self._robot = robot
@@ -62,11 +63,11 @@ class BehaviourMachine(PerRobotState):
 
         Args:
             name: Name of the requested behaviour, one of `REQUESTS`, for example `jump`.
-            mask: True for robots that are asked, (n,) bool; None asks all robots.
+            mask: True for robots that get the request, (n,) bool; None for all robots.
 
         Returns:
-            True for robots that refuse the request, (n,). They refuse it if the transition table does not allow it in
-            their state, or under the conditions of their latest observation.
+            True for robots that refuse the request, (n,). A robot refuses if `TRANSITIONS` has no row with this request
+            and its current state, or if the condition of the row does not hold in its latest observation.
 
         Raises:
             ValueError: The name is not one of `REQUESTS`.
@@ -77,9 +78,10 @@ class BehaviourMachine(PerRobotState):
         return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
-        """Count one control step, and take the transitions that need no request.
+        """Count one control step, and perform the transitions that need no request.
 
-        Their conditions are evaluated from the `observation`, (n, k), of all robots.
+        The conditions of the transitions are evaluated from the `observation` of all robots, (n, k), with k numbers per
+        robot.
         """
         self.ticks += 1
         holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
@@ -87,11 +89,11 @@ class BehaviourMachine(PerRobotState):
         self._take("", np.ones(len(self._state), np.bool_))
 
     def _take(self, request: str, asked: Mask) -> Mask:
-        """Take the first applicable transition of the table for each robot in the mask `asked`, (n,).
+        """Perform the first applicable transition for the robots for which `asked`, (n,), is True.
 
-        A transition applies if it starts from the state of the robot, has the name `request`, and its condition holds.
-        The empty name selects the transitions that need no request. Returns True for robots that have changed their
-        state, (n,).
+        A row of `TRANSITIONS` applies if the robot is in one of its source states, its request is `request`, and its
+        condition holds. An empty `request` selects the transitions that need no request. Returns True for robots that
+        have changed their state, (n,).
         """
         taken = np.full(len(self._state), -1, np.int64)
         for number, transition in reversed([*enumerate(TRANSITIONS)]):

@@ -16,7 +16,7 @@ Floating = NDArray[np.floating[Any]]
 
 
 class Motion(PerRobotState, ABC):
-    """Base class of motions: each object computes joint targets over time, for n robots.
+    """Base class of motions: an object of this class computes the joint targets of n robots over time.
 
     The targets of a robot depend only on the calls of `start` for this robot and on its observations.
 
@@ -26,7 +26,7 @@ class Motion(PerRobotState, ABC):
     """
 
     _target: Floats = per_robot()
-    """Joint targets of the last control step, or joint angles at the start, (n, 12), rad."""
+    """Joint targets of the last control step; before the first step, the angles at the start; (n, 12), rad."""
     _ticks: NDArray[np.int64] = per_robot(0)
     """Number of control steps since the start of the motion of each robot, (n,)."""
 
@@ -65,8 +65,8 @@ def interpolate_toward(
     """Compute the joint targets of the next control step by linear interpolation to goal angles.
 
     Args:
-        current: Joint targets of the last control step, (k, 12), rad.
-        goal: Joint targets at the end of the interpolation, (k, 12), rad.
+        current: Joint targets of k robots in the last control step, (k, 12), rad.
+        goal: Joint targets at the end of the interpolation, for the same k robots, (k, 12), rad.
         elapsed: Time since the start of the interpolation, (k,), s.
         duration: Duration of the interpolation from the start to the goal, (k,), s.
         control_period: Control period, s.
@@ -80,7 +80,7 @@ def interpolate_toward(
 
 
 class Damp(Motion):
-    """Damping of the joints: the targets equal the joint angles, so that the robot sinks slowly."""
+    """Damping of the joints: the targets equal the measured joint angles, so that the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Return the current angles `joints`, (k, 12), rad, as targets; `rows` and `observation` are unused."""
@@ -98,7 +98,9 @@ STOP_HEIGHT = 0.2
 
 A robot that folds its knees further falls."""
 STOP_OUTWARD = 0.04
-"""Outward displacement of the feet in a controlled stop, m; at 0 the legs would hang straight down."""
+"""Lateral distance of each foot outside of its thigh joint in a controlled stop, m.
+
+At a distance of 0 the legs would hang straight down."""
 
 
 class Stop(Motion):
@@ -107,7 +109,7 @@ class Stop(Motion):
     _height: Floats = per_robot(0.0)
     """Commanded height of the hip joints above the centres of the feet, (n,), m.
 
-    It is NaN between the start of a stop and its first control step."""
+    The height is NaN between the start of a stop and the first control step of the stop."""
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Start the controlled stop of k robots.
@@ -146,9 +148,9 @@ class Stop(Motion):
 def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
     """Return the four keyframes of the jump: crouch; thrust; flight and landing; stand.
 
-    A random search has found the keyframes. It minimised the pitch angle of the trunk among jumps that rise by at least
-    0.165 m. The trunk pitches because all knees bend backward. At take-off the feet are behind the hips,
-    because this reduces the pitch angle.
+    A random search has found the keyframes. The search minimised the pitch angle of the trunk among jumps that lift the
+    trunk by at least 0.165 m. The trunk pitches because all knees bend backward. At take-off the feet are behind the
+    hips, because this reduces the pitch angle.
 
     Args:
         robot: Robot; the last keyframe is its home pose.
@@ -172,7 +174,7 @@ class PoseSequence(Motion):
     Args:
         robot: Robot that moves.
         control_period: Time between two calls of `targets`, s.
-        poses: Joint angles of p poses, (p, 12), rad.
+        poses: Joint angles of each of the p poses of the sequence, (p, 12), rad.
         durations: Duration of the motion to each pose, (p,), s.
         holds: Time for which each pose is held, (p,), s.
     """

@@ -1,6 +1,7 @@
 """Policy with several behaviours: stand, walk, run, jump, fall and recover.
 
-A state machine selects the behaviour of each robot. A joint motion, or a trot to walk and run, performs it.
+A state machine selects the behaviour of each robot. A sequence of joint targets performs the behaviour; to walk and
+run, these targets come from a trot.
 """
 
 from typing import Unpack
@@ -22,13 +23,17 @@ WALKING_SPEED = 0.6
 
 In the behaviour `State.RUN`, the command is not limited."""
 RUN_ABOVE = 0.7
-"""Commanded horizontal speed above which a walking robot starts to run, m/s; used if `Behaviour(follow=True)`."""
+"""Commanded horizontal speed above which a walking robot starts to run, m/s.
+
+This change happens only if `Behaviour(follow=True)`."""
 WALK_BELOW = 0.5
-"""Commanded horizontal speed below which a running robot walks again, m/s; used if `Behaviour(follow=True)`."""
+"""Commanded horizontal speed below which a running robot walks again, m/s.
+
+This change happens only if `Behaviour(follow=True)`."""
 MOVE_ABOVE = 0.02
 """Absolute command component above which a standing robot starts to walk, m/s or rad/s.
 
-A walking robot stands again if no component is above this limit. Both changes happen only if
+A walking robot stands again if no command component is above this limit. These changes happen only if
 `Behaviour(follow=True)`."""
 BLEND_TIME = 0.2
 """Duration of the blend from the last joint targets to the targets of the trot when a robot starts to walk, s."""
@@ -39,7 +44,8 @@ _COMMAND = OBSERVATION["command"]
 class Behaviour(Policy):
     """Policy with several behaviours, for example walk, jump and recover.
 
-    Each robot has one behaviour at a time, its `State`. The property `state` returns it, and `request` changes it.
+    Each robot has one behaviour at a time, its `State`. The property `state` returns the current behaviour of all
+    robots, and the method `request` changes it.
 
     Args:
         start: State of each robot after a reset.
@@ -80,7 +86,7 @@ class Behaviour(Policy):
 
         Args:
             name: Name of the requested behaviour, one of `REQUESTS`, for example `jump`.
-            mask: True for robots that are asked, (n,) bool; None asks all robots.
+            mask: True for robots that get the request, (n,) bool; None for all robots.
 
         Returns:
             True for robots that refuse the request, (n,), see `BehaviourMachine.request`.
@@ -108,7 +114,7 @@ class Behaviour(Policy):
             within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():
-                    # The motion starts from the last joint targets, because the targets would jump otherwise.
+                    # The motion starts from the last joint targets, so that the joint targets do not jump.
                     motion.start(entering, self._targets[entering])
                 members = np.flatnonzero(within)
                 targets[members] = motion.targets(members, rows[members], joints[members])
@@ -154,7 +160,7 @@ class Behaviour(Policy):
 
 
 def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return velocity commands with a horizontal speed of at most WALKING_SPEED.
+    """Return velocity commands with a horizontal speed of at most `WALKING_SPEED`.
 
     The direction of motion and the yaw rate of a `command` do not change. Its columns are forward velocity, m/s,
     lateral velocity, m/s, and yaw rate, rad/s, (n, 3).

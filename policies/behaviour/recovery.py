@@ -1,11 +1,11 @@
-"""Recovery of a fallen robot from any pose: key poses, selected by the direction of gravity.
+"""Recovery of a fallen robot from any pose, by key poses that the direction of gravity selects.
 
 1. A robot on the ground gathers its legs and waits until it lies on its back, because a kick from the side rarely
-   succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if the other side were the lower one.
+   succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if its other side were the lower side.
 2. From its back the robot kicks: it swings all legs at once, rolls over its lower side and lands on bent legs.
 3. An upright robot tucks its legs under its hips and stands up.
 
-If a step fails, the robot starts again with step 1. After a failed kick it rolls over the other side.
+If one of these steps fails, the robot starts again with step 1. After a failed kick it rolls over the other side.
 """
 
 from dataclasses import dataclass
@@ -30,11 +30,11 @@ class Phase(IntEnum):
     GATHER = 1
     """The legs move to the gathered pose, the pose before a kick."""
     ROCK = 2
-    """The legs stay gathered, because the robot lies on its side or a kick has failed."""
+    """The legs stay in the gathered pose, because the robot lies on its side or a kick has failed."""
     KICK = 3
     """All legs swing at once, so that the robot rolls over from its back."""
     LAND = 4
-    """The legs are bent, because the robot lands on its feet."""
+    """The legs move to a bent pose, in which the robot lands on its feet."""
     TUCK = 5
     """The legs are tucked under the hips of the upright robot, before it stands up."""
     STAND = 6
@@ -42,7 +42,9 @@ class Phase(IntEnum):
 
 
 Legs = tuple[float, float, float, float, float, float]
-"""Six joint angles, rad: hip (positive outward), thigh and calf of a front leg, then the same of a hind leg."""
+"""Six joint angles, rad: hip, thigh and calf angle of a front leg, then of a hind leg.
+
+A positive hip angle moves the leg outward, away from the trunk."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +56,17 @@ class RecoveryParameters:
     """
 
     gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
+    """Joint angles of the legs on the lower side in the phases GATHER and ROCK, rad."""
     gather_upper: Legs = (-0.1346, -1.0368, -1.4206, 0.18, -0.6586, -2.0105)
+    """Joint angles of the legs on the upper side in the phases GATHER and ROCK, rad."""
     kick_lower: Legs = (-0.4899, 0.9008, -1.7529, 0.4338, 0.2844, -1.7472)
+    """Joint angles of the legs on the lower side in the phase KICK, rad."""
     kick_upper: Legs = (-0.4789, 1.0582, -0.883, -0.3417, 1.0035, -2.3897)
+    """Joint angles of the legs on the upper side in the phase KICK, rad."""
     land: Legs = (0.3966, 0.728, -1.6909, 0.4828, 1.075, -1.9985)
+    """Joint angles of the legs on both sides in the phase LAND, rad."""
     tuck: Legs = (0.3108, 1.2458, -2.3518, 0.3277, 1.3659, -2.3119)
+    """Joint angles of the legs on both sides in the phase TUCK, rad."""
     gather_blend: float = 0.204
     """Duration of the blend from the last pose to the key pose of the phase GATHER, s."""
     land_blend: float = 0.1454
@@ -78,7 +86,7 @@ class RecoveryParameters:
     righted: float = 0.4178
     """Cosine of the tilt of the trunk (1: upright) above which a kick can count as successful.
 
-    The robot must also turn more slowly than `caught`."""
+    The trunk must also turn more slowly than the limit `caught`."""
     lost: float = 0.2974
     """Cosine of the tilt of the trunk (1: upright) below which a phase LAND, TUCK or STAND has failed."""
     caught: float = 7.0765
@@ -126,7 +134,9 @@ class Recovery(Motion):
     phase: NDArray[np.int64] = per_robot(0)
     """Current `Phase` of the recovery of each robot, as a number, (n,)."""
     _left_lower: NDArray[np.int64] = per_robot(0)
-    """1 for robots with lower left legs, 0 for robots with lower right legs; used to select key poses, (n,)."""
+    """1 for robots with the left legs on the lower side, 0 with the right legs on the lower side, (n,).
+
+    The key poses of the recovery depend on the lower side."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
@@ -173,9 +183,10 @@ class Recovery(Motion):
         return target
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
-        """Return the next phase of k robots, (k,), and update their lower sides.
+        """Return the next phase of k robots, (k,), and update the lower sides in `_left_lower`.
 
-        `rows` are the indices of the robots in the batch, (k,), and `observation` is their observation, (k, m).
+        `rows` are the indices of the robots in the batch, (k,). `observation` has m numbers for each of these robots,
+        (k, m).
         """
         phase = self.phase[rows]
         gravity = observation[:, OBSERVATION["projected_gravity"]]
@@ -200,7 +211,7 @@ class Recovery(Motion):
         Args:
             phase: Current phase, (k,).
             time: Time since the start of the current phase, (k,), s.
-            up: Cosine of the tilt of the trunk, 1 if upright, (k,).
+            up: Cosine of the tilt of the trunk, 1 if the trunk is upright, (k,).
             turning: Largest absolute angular velocity about a base axis, (k,), rad/s.
             misplaced: True for robots with a joint farther than POSE_TOLERANCE from the home pose, (k,).
 

@@ -61,7 +61,9 @@ TRANSITIONS = (
     Transition((State.RECOVER,), "", "in home pose", State.STAND),
     Transition((State.RECOVER,), "", "late", State.FALL),
 )
-"""Transition table of the behaviours. If several rows apply to a robot, the first of them is taken."""
+"""Transition table of the behaviours.
+
+If several rows apply to a robot, the robot makes the transition in the first of these rows."""
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
 """Names of all requests in the transition table: stand, walk, run and jump."""
@@ -81,7 +83,7 @@ HOME_TILT = np.deg2rad(10.0)
 POSE_TOLERANCE = 0.15
 """Largest deviation of each joint angle from the home pose at which a robot counts as in its home pose, rad.
 
-Under the weight of the robot, a servo deviates by 0.02 rad."""
+For comparison, the joint angles of a standing robot deviate by 0.02 rad, because the servos sag under its weight."""
 STILL_LINEAR = 0.3
 """Absolute trunk velocity along each base axis below which a robot may count as still, m/s."""
 STILL_ANGULAR = 0.5
@@ -89,17 +91,17 @@ STILL_ANGULAR = 0.5
 SETTLED_ANGULAR = 1.5
 """Absolute angular velocity of the trunk about each base axis below which a fall is over, rad/s."""
 MINIMUM_TIME = 0.1
-"""Time since the start of a state before which the conditions `in home pose` and `settled` cannot hold, s."""
+"""Time since a robot entered its state before which the conditions `in home pose` and `settled` cannot hold, s."""
 JUMP_TIME = 0.9
 """Time since the start of a jump before which the condition `landed` cannot hold, s."""
 
 _NEVER = 2**62
-"""Number of control steps that no episode reaches."""
+"""Number of control steps that no episode reaches; the limit of the states that have no time limit."""
 
 
 @cache
 def _limit_ticks(control_period: float) -> NDArray[np.int64]:
-    """Return, for each state, the number of control steps after which `late` holds, (states,)."""
+    """Return, for each `State`, the number of control steps after which the condition `late` holds, (states,)."""
     return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
 
 
@@ -115,7 +117,7 @@ def conditions(
     Args:
         robot: Robot with the home pose and the link lengths.
         control_period: Control period, s.
-        observation: Observation of the robots, (n, k).
+        observation: Observation of the robots, (n, k), with k numbers per robot.
         state: Current `State` of each robot, (n,).
         ticks: Number of control steps since each robot entered its state, (n,).
 

@@ -1,9 +1,9 @@
 """Estimator of the forces on the feet, from joint torques and the dynamics of the robot.
 
-The equations of motion are averaged over the last control period. They give the generalised force that the observed
-motion needs. The servos provide a part of it; the rest is a force of the environment. The components of this rest at
-the joints of a leg give the force on the foot of the leg. The method is the simplest form of a momentum observer; see
-De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", ICRA 2005.
+The equations of motion, averaged over the last control period, give the generalised force that the observed motion
+needs. The servos provide a part of this generalised force; the environment provides the rest. The components of the
+rest at the joints of a leg give the force on the foot of the leg. The method is the simplest form of a momentum
+observer; see De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", ICRA 2005.
 """
 
 from typing import NamedTuple
@@ -22,14 +22,14 @@ from quad_env.robots.robot import Robot
 LEG_DAMPING = 1e-4
 """Damping of the least-squares solution for the force on a foot, m².
 
-It is added to the diagonal of J Jᵀ, with the Jacobian J of the leg. It is needed because a force along a straight leg
-causes no joint torque."""
+The damping is added to the diagonal of J Jᵀ, with the Jacobian J of the leg. J Jᵀ alone is singular for a straight leg,
+because a force along this leg causes no joint torque."""
 
 
 class PeriodMotion(NamedTuple):
     """Mean motion of n robots over the last control period.
 
-    With joint encoders, it is the mean over the last two control periods.
+    If the joint speeds are differences of encoder angles, the means are over the last two control periods.
     """
 
     acceleration: Floats
@@ -46,13 +46,13 @@ class FootForces(NamedTuple):
     """Estimated forces on the feet of n robots, and the generalised force of the environment."""
 
     forces: Floats
-    """Forces of the environment on the feet, level frame, (n, 4, 3), N.
+    """Forces of the environment on the feet, level frame (x along the heading, z up), (n, 4, 3), N.
 
     Because of estimation errors, the vertical component can be negative, although the ground cannot pull a foot."""
     generalised: Floats
     """Generalised force of the environment on trunk and joints, (n, 18), N and N·m.
 
-    The order is the order of `MotionState.generalised_velocity`."""
+    The components have the order of `MotionState.generalised_velocity`."""
 
 
 class FootForceEstimator(PerRobotState):
@@ -62,8 +62,8 @@ class FootForceEstimator(PerRobotState):
         robot: Robot with the servo gains.
         period: Control period, s.
         actuator: Actuator model of the joints.
-        encoders: True if each observed joint speed is the difference of two encoder angles. It is then a mean over a
-            control period, and not the speed at the time of the observation.
+        encoders: True if each observed joint speed is the difference of two encoder angles. The joint speed is then a
+            mean over a control period, and not the speed at the time of the observation.
     """
 
     _has_last: Mask = per_robot(False)
@@ -77,7 +77,8 @@ class FootForceEstimator(PerRobotState):
     _last_trunk_acceleration: Floats = per_robot(np.zeros(6))
     """Trunk acceleration that the previous call of `estimate` computed, (n, 6), m/s² and rad/s².
 
-    The first three components are linear, level frame; the last three are angular, base frame."""
+    The first three components are linear, level frame (x along the heading, z up). The last three components are
+    angular, base frame."""
 
     def __init__(self, robot: Robot, period: float, actuator: Actuator = IDEAL, *, encoders: bool = False) -> None:
         self._period = period
@@ -89,8 +90,8 @@ class FootForceEstimator(PerRobotState):
         """Estimate the mean forces on the feet in the last control period.
 
         The equations of motion are M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w, with the inertia matrix M, the generalised acceleration
-        q̈, the bias force h and the joint torques τ. On the right are the Jacobians Jᵢ and forces fᵢ of the feet, and
-        the wrench w of the environment on the trunk. The rows of the joints of leg i give fᵢ.
+        q̈, the bias force h and the joint torques τ. The right side has the Jacobians Jᵢ and the forces fᵢ of the feet,
+        and the wrench w of the environment on the trunk. The three equations of the joints of leg i give fᵢ.
 
         The method stores the motion state for its next call. Call it once per control period.
 
@@ -146,15 +147,18 @@ class FootForceEstimator(PerRobotState):
         )
 
     def _or_last(self, present: Floats, last: Floats) -> Floats:
-        """Return `last`, (n, k), but `present` for robots without a previous call of `estimate`."""
+        """Return `last`, but `present` for robots that have no previous call of `estimate` since their reset.
+
+        Both arguments and the result have the shape (n, k), with k numbers per robot.
+        """
         return np.where(self._has_last[:, None], last, present)
 
 
 def _forces_by_leg(bodies: DynamicsTerms, joint_torques: Floats) -> Floats:
-    """Compute the forces on the feet, level frame, (n, 4, 3), N, that cause given joint torques.
+    """Compute the forces on the feet that cause given joint torques.
 
-    `bodies` has the Jacobians of the legs, and `joint_torques` has the shape (n, 12), N·m. The solution is by damped
-    least squares, see `LEG_DAMPING`.
+    The result has the shape (n, 4, 3), N, level frame (x along the heading, z up). `bodies` has the Jacobians of the
+    legs. `joint_torques` has the shape (n, 12), N·m. The solution is by damped least squares, see `LEG_DAMPING`.
     """
     jacobians = bodies.leg_jacobians
     squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + LEG_DAMPING * np.eye(3)

@@ -1,4 +1,4 @@
-"""Motion state of the robots from their observations, and the terms of the equations of motion."""
+"""Computation of the motion state of n robots, and of their dynamics terms, from the observations."""
 
 from typing import NamedTuple
 
@@ -23,14 +23,14 @@ class MotionState(NamedTuple):
     rotation: Floats
     """Rotation matrix from the base frame to the level frame (trunk centre, x ahead, z up), (n, 3, 3)."""
     velocity: Floats
-    """Velocity of the trunk centre, level frame, (n, 3), m/s."""
+    """Velocity of the trunk centre, level frame (x along the heading, z up), (n, 3), m/s."""
     angular_velocity: Floats
-    """Angular velocity of the trunk, level frame, (n, 3), rad/s."""
+    """Angular velocity of the trunk, level frame (x along the heading, z up), (n, 3), rad/s."""
     generalised_velocity: Floats
     """Generalised velocity of trunk and joints, as in `quad_env.physics.dynamics`, (n, 18).
 
-    The components are: velocity of the trunk centre, level frame, m/s; angular velocity, base frame, rad/s; and joint
-    speeds, rad/s."""
+    The components are: velocity of the trunk centre, level frame (x along the heading, z up), m/s; angular velocity,
+    base frame, rad/s; and joint speeds, rad/s."""
     joint_position: Floats
     """Joint angles, (n, 12), rad."""
     targets: Floats
@@ -40,7 +40,7 @@ class MotionState(NamedTuple):
     bodies: DynamicsTerms
     """Terms of the equations of motion in this state, for example inertia, bias force and Jacobians."""
     foot_velocity: Floats
-    """Velocity of the feet, level frame, (n, 4, 3), m/s."""
+    """Velocity of the feet, level frame (x along the heading, z up), (n, 4, 3), m/s."""
 
 
 def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
@@ -49,7 +49,7 @@ def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[
     Args:
         robot: Robot with the home pose.
         dynamics: Rigid-body dynamics of the robot.
-        observation: Observation of n robots, (n, k).
+        observation: Observation of n robots, (n, k), with k numbers per robot.
 
     Returns:
         Motion state of n robots.
@@ -81,7 +81,8 @@ def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
     """Convert roll and pitch to the rotation from the base frame to the level frame.
 
-    The rotation is first by the roll angle about x, then by the pitch angle about y.
+    The level frame has x along the heading and z up. The rotation is first by the roll angle about x, then by the pitch
+    angle about y.
 
     Args:
         tilt: Roll and pitch of the trunk, (2, n), rad.
@@ -102,7 +103,8 @@ def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
     ).T
     cos_roll, cos_pitch = np.cos(tilt)
     sin_roll, sin_pitch = np.sin(tilt)
-    # The memory layout is the same for any number of robots, because the last bits of a matrix product depend on it.
+    # The memory layout is the same for any number of robots, because the last bits of a matrix product depend on the
+    # layout.
     rotation = np.zeros((tilt.shape[1], 3, 3))
     rotation[:, 0] = np.array((cos_pitch, sin_pitch * sin_roll, sin_pitch * cos_roll)).T
     rotation[:, 1, 1] = cos_roll

@@ -30,12 +30,13 @@ class ServoModel:
         self.limits = curve.limits
         """Function that returns the torque limits of the joints at given joint speeds.
 
-        Its argument is the joint speeds, (…, 12), rad/s. Its result is the minimum and the maximum torque, each
-        (…, 12), N·m."""
+        The argument of the function is the joint speeds, (…, 12), rad/s. The result is the minimum and the maximum
+        torque, each (…, 12), N·m."""
         self.target_weights = actuator.target_weights(float(robot.model.opt.timestep), period)
         """Weights of the last k joint targets in the mean target that a motor follows in a control period, (k,).
 
-        The newest target comes first. Older targets have weights because of delay and bandwidth of the actuator."""
+        The newest target comes first. Older targets have a weight because of the delay and the bandwidth of the
+        actuator."""
 
     def filtered_targets(self, targets: Floats) -> Floats:
         """Compute the mean joint targets that the motors follow in each of the last m control periods.
