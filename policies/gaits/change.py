@@ -9,7 +9,7 @@ from policies.memory import PerRobotState, per_robot
 CHANGE_TIME = 1.0
 """Duration of a transition from one gait to another, s."""
 _ROUNDING = 1e-9
-"""Tolerance for rounding errors of a phase shift by half a cycle, rad."""
+"""Tolerance for rounding errors when a phase offset changes by exactly half a cycle, rad."""
 
 
 class GaitTransition(PerRobotState):
@@ -27,13 +27,13 @@ class GaitTransition(PerRobotState):
     goal: Floats = per_robot()
     """The k gait parameters of each robot at the end of its transition, (n, k)."""
     _old: Floats = per_robot()
-    """Gait parameters of each robot at the start of its transition, (n, k)."""
+    """The k gait parameters of each robot at the start of its transition, (n, k)."""
     _old_offsets: Floats = per_robot()
-    """Phase offsets of the legs at the start of the transition, (n, 4), rad."""
+    """Phase offset of each leg from the gait clock at the start of the transition, (n, 4), rad."""
     _new_offsets: Floats = per_robot()
-    """Phase offsets of the legs at the end of the transition, (n, 4), rad."""
+    """Phase offset of each leg from the gait clock at the end of the transition, (n, 4), rad."""
     _share: Floats = per_robot(1.0)
-    """Elapsed fraction of the transition of each robot, 0 to 1, (n,); 1 if it is not in a transition."""
+    """Elapsed fraction of the transition of each robot, 0 to 1, (n,); 1 for robots that are not in a transition."""
 
     def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
         self._step = control_period / CHANGE_TIME
@@ -63,7 +63,7 @@ class GaitTransition(PerRobotState):
 
         Args:
             mask: True for robots that change their gait, (n,).
-            values: Parameters of the new gait, broadcast to (n, k).
+            values: The k parameters of the new gait, (k,) or (n, k).
             offsets: Phase offsets of the legs in the new gait, broadcast to (n, 4), rad.
         """
         rows = mask[:, None]
@@ -83,7 +83,7 @@ class GaitTransition(PerRobotState):
 
         Args:
             mask: True for robots that are set to the gait, (n,).
-            values: Parameters of the gait, broadcast to (n, k).
+            values: The k parameters of the gait, (k,) or (n, k).
             offsets: Phase offsets of the legs in the gait, broadcast to (n, 4), rad.
         """
         rows = mask[:, None]
@@ -96,7 +96,7 @@ class GaitTransition(PerRobotState):
     def _interpolate(self, old: Floats, new: Floats) -> Floats:
         """Interpolate smoothly from `old` to `new` values over the elapsed fraction of each transition.
 
-        Both arguments and the result have the shape (n, k).
+        Both arguments and the result have the shape (n, k), with k numbers per robot.
         """
         weight = smoothstep(self._share)[:, None]
         return old + weight * (new - old)

@@ -1,6 +1,7 @@
 """Parameters of the gaits walk, trot, pace, bound, pronk and stand.
 
-They define the footfall patterns, the frequency and duty factor at a commanded velocity, and the velocity limits.
+The parameters define the footfall patterns, the frequency and duty factor at a commanded velocity, and the velocity
+limits.
 """
 
 from dataclasses import dataclass, fields
@@ -33,7 +34,7 @@ GAITS = (*OFFSETS, STAND)
 """Names of all gaits: the stepping gaits bound, pace, pronk, trot and walk, and `stand`."""
 
 UNLIMITED = 10.0
-"""Number for a velocity limit that has no effect, m/s or rad/s, because no command is that large."""
+"""Velocity limit that has no effect, m/s or rad/s, because no velocity command is as large as this number."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """Return the `parameters` of a gait as an array with one element per name in `NAMES`, (len(NAMES),)."""
+    """Return the `parameters` of a gait as an array, (len(NAMES),), with the elements in the order of `NAMES`."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 

@@ -1,9 +1,9 @@
 """Policy that follows a velocity command in a gait; each robot can change its gait smoothly.
 
 A transition to another gait interpolates phase offsets, duty factor, frequency and all other parameters. Relative to
-the trunk, a stance foot always moves opposite to the velocity of the trunk at this foot. A swing phase always starts at
-the position where the foot left the ground. Therefore joint targets do not jump and stance feet do not slide, in a gait
-and in a transition.
+the trunk, a stance foot always moves opposite to the velocity of the trunk at the position of this foot. A swing phase
+always starts at the position where the foot left the ground. Therefore joint targets do not jump and stance feet do not
+slide, in a gait and in a transition.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ PLACEMENT_TOLERANCE = 0.005
 
 A foot with a larger deviation takes another step."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
-"""Largest rates of change of the command (forward, lateral, yaw rate), (3,), m/s² and rad/s²."""
+"""Largest rates of change of the velocity (forward, lateral, yaw rate) that a gait follows, (3,), m/s² and rad/s²."""
 
 
 class ParameterView:
@@ -65,7 +65,7 @@ class ParameterView:
 
 
 class GaitState(NamedTuple):
-    """Gait of n robots in one control step: state of each leg, and durations of swing and stance phases."""
+    """Gait of n robots in one control step: phase of each leg, and durations of swing and stance phases."""
 
     cycle: LegCycle
     """Swing or stance phase of each leg according to the gait clock, with its elapsed fraction, (n, 4)."""
@@ -74,10 +74,10 @@ class GaitState(NamedTuple):
     stance_time: Floats
     """Duration of a stance phase, (n, 1), s."""
     sway: Floats
-    """Smooth number of left swing feet minus right swing feet, from -2 to 2, (n, 1).
+    """Number of left swing feet minus number of right swing feet, smoothed over the cycle, -2 to 2, (n, 1).
 
-    Each foot contributes a sinusoid over the gait cycle. The trunk sways to the right by this number times the
-    parameter `GaitParameters.sway`."""
+    Each foot contributes a sinusoid over the gait cycle. The trunk sways to the right by `sway` times the parameter
+    `GaitParameters.sway`."""
 
 
 class Gaits(GaitedPolicy):
@@ -102,19 +102,19 @@ class Gaits(GaitedPolicy):
     _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
     """Index in `GAITS` of the last requested gait of each robot, (n,)."""
     _command: Floats = per_robot(np.zeros(3))
-    """Internal command after the limits of acceleration (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
+    """Velocity command (forward, lateral, yaw rate) after the limits of acceleration, (n, 3), m/s and rad/s."""
     _window: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that are in a swing phase according to the gait clock, lifted or not, (n, 4)."""
+    """True for feet that are in a swing phase according to the gait clock, even if they stay on the ground, (n, 4)."""
     _x: Floats = per_robot(np.zeros(4))
-    """Forward coordinate of each foot in the frame of its hip, (n, 4), m."""
+    """Forward coordinate of each foot relative to its hip joint, (n, 4), m."""
     _y: Floats = per_robot()
-    """Lateral coordinate of each foot in the frame of its hip, before the sway is added, (n, 4), m."""
+    """Lateral coordinate of each foot relative to its hip joint, before the sway is added, (n, 4), m."""
     _liftoff_x: Floats = per_robot(np.zeros(4))
-    """Value of `_x` at the last lift-off of each foot, (n, 4), m."""
+    """Forward coordinate of each foot at its last lift-off, relative to its hip joint, (n, 4), m."""
     _liftoff_y: Floats = per_robot()
-    """Value of `_y` at the last lift-off of each foot, (n, 4), m."""
+    """Lateral coordinate of each foot at its last lift-off, relative to its hip joint, (n, 4), m."""
     _joints: Floats = per_robot()
-    """Joint targets of the last control step before the lead time is added, (n, 12), rad."""
+    """Joint targets of the last control step, before `servo_lead` corrects them for the servo lag, (n, 12), rad."""
 
     def __init__(
         self,
@@ -211,10 +211,10 @@ class Gaits(GaitedPolicy):
         return to_actions(self.robot, joints + lead)
 
     def _follow(self, command: Floats, values: Floats) -> None:
-        """Move the internal command of each robot towards its velocity command, within the limits of the gait.
+        """Move the velocity command of the gait towards the observed one, within the gait's limits.
 
-        `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate). `values`,
-        (n, len(NAMES)), are the gait parameters.
+        `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate). `values` are the gait
+        parameters of n robots, (n, len(NAMES)).
         """
         # The minimum is used, because the command must respect the limits of both gaits in a transition.
         limited = limit_command(np.minimum(values, self._transition.goal), command)
@@ -225,8 +225,8 @@ class Gaits(GaitedPolicy):
     def _joint_path(self, state: GaitState, p: ParameterView) -> Floats:
         """Return the joint targets for the current foot positions, (n, 12), rad.
 
-        The sag of the servos under the weight of the robot is compensated. The lead time of the servos is not yet
-        added.
+        The targets compensate the sag of the servos under the weight of the robot. They do not yet compensate the lag
+        of the servos, see `GaitParameters.servo_lead`.
         """
         robot = self.robot
         _, lift = cycloid(state.cycle.progress)
@@ -250,8 +250,8 @@ class Gaits(GaitedPolicy):
         duty = self.duty[:, None]
         cycle = leg_cycles(phases, duty)
         window = cycle.swing
-        # A foot of a standing robot stays on the ground if it is in place. The other feet of the robot lift off at
-        # the start of their swing phase.
+        # A foot of a standing robot stays on the ground if it is near the middle of its stride, see `_in_place`. The
+        # other feet of the robot lift off at the start of their swing phase.
         staying = (self._standing & self._transition.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
         swing = window & (self.swing | starting)
@@ -272,9 +272,10 @@ class Gaits(GaitedPolicy):
     def _move_feet(self, state: GaitState, p: ParameterView, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Move the feet by a control step relative to the trunk.
 
-        Stance feet move at -(v + ω × r), with the position r of the foot. Swing feet move towards the next foothold.
-        `state` is the state of the gait, and `p` are the gait parameters. `velocity` has the forward velocity, m/s, the
-        lateral velocity, m/s, and the yaw rate, rad/s, each (n, 1).
+        Stance feet move at -(v + ω × r), with the velocity v and the angular velocity ω of the trunk, and the position
+        r of the foot. Swing feet move towards the next foothold. `state` is the state of the gait, and `p` are the gait
+        parameters. `velocity` is a tuple of the forward velocity, m/s, the lateral velocity, m/s, and the yaw rate,
+        rad/s, each (n, 1).
         """
         forward, lateral, yaw_rate = velocity
         hip_x = self.robot.hip_positions[:, 0]
@@ -293,12 +294,12 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
 
     Args:
         state: State of the gait: phases of the legs, and durations of swing and stance.
-        liftoff: Coordinate at which each foot left the ground, in the frame of its hip, (n, 4), m.
-        middle: Coordinate of the middle of the stride, in the frame of the hip, m.
-        velocity: Velocity of the trunk at the middle of the stride, along the same axis, m/s.
+        liftoff: Coordinate at which each foot left the ground, relative to its hip joint, (n, 4), m.
+        middle: Coordinate of the middle of the stride, relative to the hip joint, broadcasts to (n, 4), m.
+        velocity: Velocity of the trunk at the middle of the stride, along the same axis as the coordinate, (n, 4), m/s.
 
     Returns:
-        Coordinate of each foot, in the frame of its hip, (n, 4), m.
+        Coordinate of each foot, relative to its hip joint, (n, 4), m.
     """
     half_stance = 0.5 * state.stance_time
     landing = middle + np.clip(half_stance * velocity, -MAX_REACH, MAX_REACH)
@@ -310,7 +311,7 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
 
 
 def _stride_middle(robot: Robot, p: ParameterView) -> tuple[Floats, Floats]:
-    """Return the coordinates of the middle of each foot's stride, in the frame of its hip.
+    """Return the coordinates of the middle of each foot's stride, relative to its hip joint.
 
     The first item of the result is x (forward), (n, 1), m, and the second is y (to the left), (n, 4), m.
     """

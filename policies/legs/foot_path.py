@@ -1,8 +1,8 @@
 """Foot paths: dimensionless functions of the gait cycle, and swing trajectories to a foothold.
 
 In the stance phase a foot moves relative to the hip from +1/2 to -1/2 of the stride length at constant speed. In the
-swing phase it moves back. At lift-off and touch-down a swing foot has the velocity of a stance foot, so that it does
-not slide on the ground.
+swing phase the foot moves back to +1/2. At lift-off and touch-down a swing foot has the velocity of a stance foot, so
+that it does not slide on the ground.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from quad_env.config import GRAVITY
 def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
     """Compute the displacement of a foot relative to its hip along the stride, in stride lengths.
 
-    In stance the displacement falls linearly. In swing the displacement u is the cubic polynomial with u(0) = -1/2,
-    u(1) = 1/2 and the slope of the stance phase at both ends. Per unit of swing progress this slope is -r, with
-    r = (swing time)/(stance time).
+    In stance the displacement falls linearly from 1/2 to -1/2. In swing it is a cubic polynomial u(t) of the elapsed
+    fraction t, with u(0) = -1/2 and u(1) = 1/2. At both ends, u has the slope of the stance phase, which is -(swing
+    time)/(stance time) per unit of t.
 
     Args:
         cycle: Swing or stance phase of each leg, and its elapsed fraction.
@@ -43,9 +43,9 @@ def swing_lift(cycle: LegCycle) -> Floats:
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Compute the assumed load of each foot as a fraction of its maximum.
+    """Compute the assumed vertical force on each foot, as a fraction of its maximum.
 
-    The load is 0 in swing and near 1 for most of the stance phase. It rises from 0 at touch-down and falls to 0 at
+    The fraction is 0 in swing and near 1 for most of the stance phase. It rises from 0 at touch-down and falls to 0 at
     lift-off. The argument `cycle` is the swing or stance phase of each leg. The result has the shape of
     `cycle.progress`.
     """
@@ -63,8 +63,8 @@ def cycloid(progress: Floats) -> tuple[Floats, Floats]:
         progress: Elapsed fraction t of the swing phase, 0 to 1.
 
     Returns:
-        Covered fraction of the step length, and height as a fraction of the step height, both in the shape of
-        `progress`.
+        Two arrays in the shape of `progress`: covered fraction of the step length, and height as a fraction of the step
+        height.
     """
     turn = 2.0 * np.pi * progress
     return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
@@ -73,9 +73,9 @@ def cycloid(progress: Floats) -> tuple[Floats, Floats]:
 def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
     """Compute the bounce of a hip: its height over the gait cycle, up in swing and down in stance.
 
-    With `bounce` 1 the hip follows a free flight in swing, with the height g·t·(T - t)/2 at the time t. In stance the
-    hip moves down and up along a half sine with the vertical speed gT/2 at both ends. A smaller `bounce` scales both
-    parts.
+    If `bounce` is 1, the hip follows a free flight in swing: its height is g·t·(T - t)/2 at the time t after lift-off,
+    with the gravitational acceleration g. In stance the hip moves down and up along a half sine with the vertical speed
+    gT/2 at both ends. For other values of `bounce`, all heights are multiplied by `bounce`.
 
     Args:
         cycle: Swing or stance phase of each leg, and its elapsed fraction.
@@ -102,8 +102,8 @@ def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> 
     Args:
         start: Value at progress 0.
         end: Value at progress 1.
-        slope: Change of the value per unit of progress at both ends. For a foot, it is the motion of the ground
-            relative to the trunk during a swing phase.
+        slope: Change of the value per unit of progress at both ends. For a foot, this is the distance that the ground
+            moves relative to the trunk during a swing phase.
         progress: Elapsed fraction of the interpolation, 0 to 1.
 
     Returns:

@@ -13,15 +13,17 @@ from quad_env.columns import ordered_sum
 MAX_SLOPE = 1.2
 """Largest slope of the fitted ground plane along the forward and the lateral axis, m/m."""
 _SPREAD_REGULARISATION = 1e-6
-"""Regularisation that is added to the sums of squares in the least-squares fit of the ground plane, m².
+"""Regularisation of the least-squares fit of the ground plane, m².
 
-It is needed because footprints on a straight line would otherwise define no plane."""
+It is added to the sums of the squared horizontal coordinates of the footprints.
+
+The regularisation is needed because footprints on a straight line would otherwise define no plane."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Type of the ground planes under n robots, level frame: a tuple of height, forward slope and lateral slope.
+"""Type of the ground planes under n robots: a tuple of height, forward slope and lateral slope.
 
-The height, (n,), m, is the height of the plane below the trunk, relative to the trunk centre. The slopes, forward and
-to the left, are the rise per metre, (n,)."""
+The height, (n,), m, is the height of the plane at the point below the trunk centre, relative to the trunk centre. The
+slopes, along the heading and to the left, are the rise per metre, (n,)."""
 
 
 def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
@@ -30,13 +32,13 @@ def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Float
     A footprint is the last contact position of a foot.
 
     Args:
-        prints: Footprints before the time step, level frame, (3, 4, n), m.
-        velocity: Velocity of the trunk, level frame, (3, n), m/s.
+        prints: Footprints before the time step, level frame (x along the heading, z up), (3, 4, n), m.
+        velocity: Velocity of the trunk, level frame (x along the heading, z up), (3, n), m/s.
         yaw_rate: Yaw rate of the trunk, (n,), rad/s.
         period: Time step, s.
 
     Returns:
-        Footprints after the time step, level frame, (3, 4, n), m.
+        Footprints after the time step, level frame (x along the heading, z up), (3, 4, n), m.
     """
     x, y, _ = prints
     passing = np.empty_like(prints)
@@ -49,8 +51,8 @@ def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Float
 def fit_plane(prints: Floats) -> Plane:
     """Fit the ground plane of n robots to their footprints by least squares.
 
-    The footprints `prints`, (3, 4, n), m, are the last contact positions of the four feet in the level frame. The
-    slopes of the plane are limited to ±MAX_SLOPE.
+    The footprints `prints`, (3, 4, n), m, are the last contact positions of the four feet in the level frame (x along
+    the heading, z up). The slopes of the plane are limited to ±MAX_SLOPE.
     """
     legs = prints.swapaxes(0, 1)
     mean = 0.25 * ordered_sum(legs)
@@ -68,7 +70,7 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
     """Compute the height of the ground plane at given points, relative to the trunk centre.
 
     Args:
-        plane: Ground plane of n robots, level frame.
+        plane: Ground plane of n robots, level frame (x along the heading, z up).
         x: Forward coordinate of the points, level frame, broadcasts with (n,), m.
         y: Lateral coordinate of the points, level frame, broadcasts with (n,), m.
 
@@ -85,7 +87,7 @@ def height_above_plane(plane: Plane, prints: Floats) -> Floats:
 
     Args:
         plane: Ground plane of n robots.
-        prints: Last contact positions of the four feet, level frame, (3, 4, n), m.
+        prints: Last contact positions of the four feet, level frame (x along the heading, z up), (3, 4, n), m.
 
     Returns:
         Height of each footprint above the plane, (4, n), m.

@@ -2,8 +2,8 @@
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip joint rotates the
 leg about +x. The thigh joint is at the lateral distance D = `hip_offset` from the hip joint, away from the trunk. The
-thigh has the length L1, and the calf L2. Both rotate about +y in the leg plane, which the hip joint tilts. In this
-plane (x forward, z up before the tilt) the foot is at
+thigh has the length L1, and the calf has the length L2. Thigh and calf rotate about +y in the leg plane, which the hip
+joint tilts. In this plane (x forward, z up before the tilt) the foot is at
 
     x = -L1 sin(thigh) - L2 sin(thigh + calf)        z = -L1 cos(thigh) - L2 cos(thigh + calf)
 
@@ -36,7 +36,7 @@ def joint_angles(robot: Robot, feet: ArrayLike) -> Floats:
 
     Args:
         robot: Robot with the link lengths.
-        feet: Foot positions, each in the frame of its hip, (..., legs, 3), m.
+        feet: Foot positions, each relative to its hip joint (x forward, y left, z up), (..., legs, 3), m.
 
     Returns:
         Angles of hip, thigh and calf joint of each leg, (..., legs, 3), rad.
@@ -52,9 +52,9 @@ def leg_angles(
 
     Args:
         robot: Robot with the link lengths.
-        x: Foot position forward, in the frame of the hip, (..., legs), or (legs, n) if `legs_first` is True, m.
-        y: Foot position to the left, same frame and shape, m.
-        z: Foot position upward, same frame and shape, m.
+        x: Foot position forward of the hip joint, (..., legs), or (legs, n) if `legs_first` is True, m.
+        y: Foot position to the left of the hip joint, in the shape of `x`, m.
+        z: Foot position above the hip joint (negative below), in the shape of `x`, m.
         legs_first: True if the first axis of the arrays runs over the legs; False if the last axis does.
 
     Returns:
@@ -67,7 +67,7 @@ def leg_angles(
     # `drop` is the distance of the foot below the thigh joint in the leg plane.
     drop = np.sqrt(np.maximum(y * y + z * z - robot.hip_offset**2, 0.0))
     # The hip rotates the vector (outboard, -drop) to (y, z). The cross product of both vectors is proportional to the
-    # sine of the hip angle, their dot product to the cosine.
+    # sine of the hip angle, and their dot product is proportional to its cosine.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)
     thigh, calf = _plane_angles(robot, x, drop, knee)
     return hip, thigh, calf
@@ -89,8 +89,8 @@ def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[
     # the thigh, and `behind` is perpendicular to the thigh, positive to the rear.
     along = upper + lower * bend
     behind = knee * lower * np.sqrt(1.0 - bend * bend)
-    # The thigh angle rotates the vector (behind, along) to (-x, drop). Their cross and dot products give its sine and
-    # its cosine.
+    # The thigh angle rotates the vector (behind, along) to (-x, drop). The cross product and the dot product of these
+    # two vectors give the sine and the cosine of the thigh angle.
     thigh = np.arctan2(-x * along - drop * behind, drop * along - x * behind)
     return thigh, calf
 
@@ -100,9 +100,9 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
 
     Args:
         robot: Robot with the link lengths and joint limits.
-        x: Foot position forward, in the frame of the hip, broadcasts to (n, 4), m.
-        y: Foot position to the left, same frame, broadcasts to (n, 4), m.
-        z: Foot position upward, same frame, broadcasts to (n, 4), m.
+        x: Foot position forward of the hip joint, broadcasts to (n, 4), m.
+        y: Foot position to the left of the hip joint, broadcasts to (n, 4), m.
+        z: Foot position above the hip joint (negative below), broadcasts to (n, 4), m.
 
     Returns:
         Joint targets, (n, 12), rad.
@@ -117,17 +117,17 @@ def compensate_servo_load(
     """Compute joint targets with which the servos hold given angles under an upward force on each foot.
 
     The joint angle of a servo with stiffness k deviates from its target by torque / k. According to the leg Jacobian,
-    the torque is the force times ∂z/∂(joint angle). This derivative is y for the hip, -x cos(hip) for the thigh and
-    L2 sin(thigh + calf) cos(hip) for the calf, with the calf length L2. All arrays have the shape (n, 4) for n robots,
-    or (4, n) if `leg_axis` is 0.
+    the torque is the force times ∂z/∂(joint angle). For the foot position (x, y, z) relative to the hip joint, this
+    derivative is y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf, with the calf
+    length L2. All arrays have the shape (n, 4) for n robots, or (4, n) if `leg_axis` is 0.
 
     Args:
         robot: Robot with the link lengths and the servo stiffness.
         hip: Wanted hip angles, rad.
         thigh: Wanted thigh angles, rad.
         calf: Wanted calf angles, rad.
-        x: Foot positions forward, each in the frame of its hip, m.
-        y: Foot positions to the left, each in the frame of its hip, m.
+        x: Foot positions forward of the hip joint, m.
+        y: Foot positions to the left of the hip joint, m.
         force: Upward forces on the feet, N.
         leg_axis: Index of the array axis that runs over the legs, 0 or -1.
 
@@ -146,7 +146,7 @@ def compensate_servo_load(
 def leg_height(robot: Robot, gravity: Floats, joints: Floats) -> Floats:
     """Compute the height of the trunk centre above the sole of the lowest foot, from the joint angles.
 
-    On level ground, this height equals the trunk height in the fall rule of the environment.
+    On level ground, this height equals the trunk height that the environment compares with its fall limit.
 
     Args:
         robot: Robot with the link lengths.

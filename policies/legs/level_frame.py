@@ -10,19 +10,19 @@ import numpy as np
 from policies.gait_cycle import Floats
 
 Vector = tuple[Floats, Floats, Floats]
-"""Type of a vector: arrays of its x, y and z coordinates, which broadcast."""
+"""Type of the vectors of n robots: a tuple of their x, y and z coordinates, three arrays that broadcast."""
 
 _NO_HEADING = 1e-6
 """Lower bound of `LevelFrame.level_x`, dimensionless.
 
-It avoids a division by zero if the x axis of the trunk is vertical."""
+The bound avoids a division by zero if the x axis of the trunk is vertical."""
 
 
 class LevelFrame(NamedTuple):
     """Attitude of the trunks of n robots: components of the upward unit vector in the base frame.
 
-    The function `level_frame` computes it from the gravity vector. The attitude defines the rotation from the base
-    frame to the level frame. Each field is an array (n,).
+    The function `level_frame` computes the attitude from the gravity vector. The attitude defines the rotation from the
+    base frame to the level frame. Each field is an array (n,).
     """
 
     up_x: Floats
@@ -46,7 +46,7 @@ class LevelFrame(NamedTuple):
         return pitch
 
     def to_level(self, vector: Vector | Floats) -> Vector:
-        """Rotate a `vector` from the base frame to the level frame.
+        """Rotate a `vector` from the base frame to the level frame (x along the heading, z up).
 
         The vector has three coordinates, each an array. In the base frame, with its unit vector e along x, the level
         frame has the axes z = up, y = up × e / |up × e| and x = y × z.

@@ -24,8 +24,8 @@ The actual distance is smaller, because the hip joints reach their limits first.
 DAMPING = 0.04
 """Gain of the roll and pitch damping by the legs in the brace (low, wide stance before a fall), s.
 
-It is the rotation of the plane through the feet, rad, per angular velocity of the trunk, rad/s. With a gain of 0 the
-legs would be rigid."""
+The gain is the rotation of the plane through the feet, rad, per angular velocity of the trunk, rad/s. With a gain of 0
+the legs would be rigid."""
 MIN_DROP = 0.08
 """Smallest commanded depth of a foot below its hip joint in the brace (low, wide stance before a fall), m."""
 REST_SPEED = 0.5
@@ -35,16 +35,16 @@ REST_TURNING = 1.5
 REST_TILT = np.deg2rad(30.0)
 """Tilt of the trunk (0 if it is level) below which a robot may count as at rest, rad."""
 REST_TIME = 0.1
-"""Time for which a braced robot must be at rest (see `is_at_rest`) before its policy takes over again, s."""
+"""Time for which a robot in the brace must be at rest (see `is_at_rest`) before its policy takes over again, s."""
 RELEASE_TIME = 0.15
-"""Duration of the blend from the joint targets of the brace to the joint targets of the policy, s."""
+"""Duration of the blend from the brace (low, wide stance) back to the joint targets of the policy, s."""
 
 
 class Brace(PerRobotState):
     """Blend of the brace (low, wide stance before a fall) with the targets of a policy, for n robots.
 
-    The weight of the brace is 1 until a robot has been at rest for REST_TIME. It then falls to 0 within RELEASE_TIME.
-    The safety layer `Safe` uses one object of this class.
+    The weight of the brace is 1 until a robot has been at rest for REST_TIME. The weight then falls to 0 within
+    RELEASE_TIME. The safety layer `Safe` uses one object of this class.
 
     Args:
         robot: Robot with the link lengths and joint limits.
@@ -52,9 +52,9 @@ class Brace(PerRobotState):
     """
 
     share: Floats = per_robot(1.0)
-    """Weight of the brace in the joint targets of each robot, falling from 1 to 0, (n,).
+    """Weight of the brace (low, wide stance) in the joint targets of each robot, falling from 1 to 0, (n,).
 
-    `blend` applies the function `smoothstep` to it."""
+    `blend` applies the function `smoothstep` to this weight."""
     _rest_steps: NDArray[np.int64] = per_robot(0)
     """Number of consecutive control steps for which each robot has been at rest, (n,)."""
     _released: Mask = per_robot(False)
@@ -71,7 +71,7 @@ class Brace(PerRobotState):
         Args:
             catching: True for robots in the mode `Mode.CATCH`, in which the brace is active, (n,).
             alarm: True for robots for which a fall is predicted in this control step, (n,).
-            observation: Observation of all robots, (n, m).
+            observation: Observation of all n robots, (n, m), with m numbers per robot.
 
         Returns:
             True for robots with a weight of 0, which follow their policy alone again, (n,).
@@ -83,7 +83,7 @@ class Brace(PerRobotState):
         return self._released & (self.share <= 0.0)
 
     def blend(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
-        """Compute the weighted mean of the joint targets of the policy and of the brace, for k robots.
+        """Compute the weighted mean of the policy's and the brace's joint targets, for k robots.
 
         Args:
             rows: Indices of the k robots in the batch, (k,).
@@ -100,7 +100,8 @@ class Brace(PerRobotState):
 def is_at_rest(observation: Floats) -> Mask:
     """Return True for robots with an upright trunk that moves and turns slowly, (n,).
 
-    The limits are REST_TILT, REST_SPEED and REST_TURNING. The `observation` of n robots has the shape (n, m).
+    The limits are REST_TILT, REST_SPEED and REST_TURNING. The `observation` of n robots has the shape (n, m), with m
+    numbers per robot.
     """
     velocity = observation[:, OBSERVATION["linear_velocity"]]
     turning = observation[:, OBSERVATION["angular_velocity"]]
@@ -115,7 +116,7 @@ def brace_targets(robot: Robot, observation: Floats) -> Floats:
 
     Args:
         robot: Robot with the link lengths and joint limits.
-        observation: Observation of k robots, (k, m).
+        observation: Observation of k robots, (k, m), with m numbers per robot.
 
     Returns:
         Joint targets within the joint limits, (k, 12), rad.

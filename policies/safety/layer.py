@@ -1,4 +1,4 @@
-"""Safety layer of a policy: controlled stop after failures, brace before falls, limits of targets."""
+"""Safety layer of a policy: stops the robot after failures, braces before falls, limits the targets."""
 
 from enum import IntEnum
 
@@ -22,7 +22,7 @@ class Mode(IntEnum):
     CATCH = 1
     """After a predicted fall, the brace (low, wide stance) determines the joint targets.
 
-    The mode ends when the robot is at rest, or when it tilts by more than MAX_TILT."""
+    The mode ends when the robot is at rest, or when its trunk tilts by more than MAX_TILT."""
     STOP = 2
     """After a failure or an emergency stop, a controlled stop determines the joint targets: the trunk sinks slowly.
 
@@ -30,7 +30,8 @@ class Mode(IntEnum):
     DAMP = 3
     """The servos only damp the motion of the joints, until a reset.
 
-    The reason is a tilt above MAX_TILT during a stop, or an emergency stop with damping."""
+    A robot gets this mode if its trunk tilts by more than MAX_TILT in the mode STOP, or by an emergency stop with
+    damping."""
 
 
 TOO_FAR_OVER = "too far over"
@@ -41,7 +42,7 @@ MAX_TILT = np.deg2rad(65.0)
 
 The value is 5° below the tilt at which the environment counts a fall, `FallRule.tilt`."""
 FALL_ALARM_DEVIATION = 0.8866
-"""Result of `velocity_deviation` above which the safety layer predicts a fall, m/s.
+"""Deviation of the trunk velocity, see `velocity_deviation`, above which a fall is predicted, m/s.
 
 The value is 0.2 m/s above the largest deviation in one hour of trot without a disturbance."""
 RESPONSE_TIME = 0.25
@@ -49,13 +50,15 @@ RESPONSE_TIME = 0.25
 RECENT_TIME = 0.1
 """Time constant of the low-pass filter of the measured velocity, s.
 
-A push is detected as a difference between measured and filtered velocity. Slower changes do not count as a push."""
+A push shows as a difference between the measured and the filtered velocity. The filter follows slower changes, so that
+these do not count as a push."""
 
 
 class Safe(Policy):
     """Policy inside a safety layer, which takes over after a predicted fall or a failure of the policy.
 
-    `mode` is the mode of the layer for each robot, and `reason` is the reason of its last change.
+    The property `mode` is the mode of the safety layer for each robot. The attribute `reason` is the reason of the last
+    change of the mode.
 
     Args:
         policy: Policy inside the safety layer.
@@ -65,6 +68,7 @@ class Safe(Policy):
     reason: NDArray[np.object_] = per_robot(np.array("", object))
     """Reason of the last change of mode of each robot, text, (n,); empty after a reset."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
+    """Number of the current `Mode` of each robot, (n,)."""
     _entered: Mask = per_robot(False)
     """True for robots that have changed their mode since the last action, (n,)."""
     _targets: Floats = per_robot()
@@ -72,11 +76,11 @@ class Safe(Policy):
     _reference: Floats = per_robot(np.zeros(2))
     """Horizontal velocity that each robot is expected to have, base frame, (n, 2), m/s.
 
-    It is the commanded velocity after a low-pass filter with the time constant RESPONSE_TIME."""
+    The expected velocity is the commanded velocity after a low-pass filter with the time constant RESPONSE_TIME."""
     _recent_velocity: Floats = per_robot(np.zeros(2))
     """Measured horizontal velocity after a low-pass filter with the time constant RECENT_TIME, (n, 2), m/s.
 
-    It is in the base frame."""
+    The velocity is in the base frame."""
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -96,7 +100,7 @@ class Safe(Policy):
     def failure(self) -> NDArray[np.object_] | None:
         """Reason of the policy's failure for each robot, (n,), see `ExternalPolicy.failure`.
 
-        It is None for the whole batch if the policy does not report failures.
+        The property is None if the policy does not report failures.
         """
         return getattr(self.policy, "failure", None)
 
@@ -189,9 +193,11 @@ class Safe(Policy):
             self._enter(following & ~finite, Mode.STOP, "policy returned non-finite targets")
 
     def _slow_command(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observation, (n, m), with smaller velocity commands for robots in the mode CATCH.
+        """Return the observation with smaller velocity commands for robots in the mode CATCH.
 
-        The factor on the command is 1 minus the weight of the brace. A fully braced robot is commanded to stand.
+        In this mode, the joint targets are the weighted mean of the brace (low, wide stance) and of the policy. The
+        velocity command is multiplied by 1 minus the weight of the brace. If the weight is 1, the policy is therefore
+        commanded to stand. The argument and the result have the shape (n, m), with m numbers per robot.
         """
         catching = self._mode == Mode.CATCH
         if not catching.any():
@@ -202,10 +208,10 @@ class Safe(Policy):
         return observation
 
     def _update_mode(self, rows: Floats) -> None:
-        """Update the mode of each robot from the observation `rows`, (n, m).
+        """Update the mode of each robot from the observation `rows`, (n, m), with m numbers per robot.
 
-        A predicted fall changes FOLLOW to CATCH. CATCH changes back to FOLLOW when the robot is at rest, or when it
-        tilts by more than MAX_TILT. STOP changes to DAMP when the robot tilts by more than MAX_TILT.
+        A predicted fall changes FOLLOW to CATCH. CATCH changes back to FOLLOW when the robot is at rest, or when its
+        trunk tilts by more than MAX_TILT. STOP changes to DAMP when the trunk tilts by more than MAX_TILT.
         """
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
@@ -233,9 +239,9 @@ class Safe(Policy):
 def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
     """Compute the velocity deviation, from which the safety layer predicts falls.
 
-    The deviation is the smaller of two distances: velocity to `reference`, and velocity to `recent`. Each distance
-    alone would give false alarms. The distance to `reference` is also large in a gait that does not reach its command.
-    The distance to `recent` is also large after a change of the command.
+    The deviation is the smaller of two distances: from `velocity` to `reference`, and from `velocity` to `recent`. Each
+    distance alone would give false alarms. The distance to `reference` is also large in a gait that does not reach its
+    command. The distance to `recent` is also large after a change of the command.
 
     Args:
         velocity: Measured horizontal velocity, base frame, (n, 2), m/s.

@@ -1,4 +1,4 @@
-"""Limits of joint targets in the safety layer: range, rate, joint speed and servo torque."""
+"""Limits of joint targets in the safety layer: joint range, rate of change, joint speed, servo torque."""
 
 import sys
 from dataclasses import dataclass
@@ -26,18 +26,20 @@ class SafetyLimits(Settings):
     torque: Limit
     """Largest servo torque at a joint speed of zero, N·m.
 
-    The torque of a joint target is predicted for the time at which the target takes effect, see `delay`."""
+    A joint target is limited so that the servo torque stays below this limit. The torque is predicted for the time at
+    which the target takes effect, see `delay`."""
     target_rate: Positive = 60.0
     """Largest rate of change of a joint target, rad/s. A swing phase of the trot reaches 35 rad/s."""
     joint_speed: Positive = 30.0
     """Joint speed above which a target may not accelerate the joint further, rad/s.
 
-    The target of a faster joint is limited to the current joint angle, so that the target does not lie ahead of the
-    joint in the direction of motion."""
+    If a joint is faster, its target is limited to its current angle. The target then does not lie ahead of the joint in
+    the direction of motion."""
     no_load_speed: Limit = inf
     """No-load speed of the motors, rad/s; infinite for a torque limit that does not depend on the speed.
 
-    The limit of the driving torque falls linearly from `torque` at standstill to zero at this joint speed."""
+    The largest torque in the direction of motion falls linearly from `torque` at standstill to zero at this joint
+    speed."""
     delay: NonNegative = 0.0
     """Delay from a joint target to its effect, s.
 
@@ -67,7 +69,7 @@ class SafetyLimits(Settings):
 
     @classmethod
     def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
-        """Call `for_robot(robot, which)`. Deprecated name."""
+        """Call `for_robot(robot, which)`. The name `of` is deprecated."""
         return cls.for_robot(robot, which)
 
     def limit_targets(
@@ -75,8 +77,8 @@ class SafetyLimits(Settings):
     ) -> Floats:
         """Limit joint targets to the target rate, joint speed, servo torque and joint range.
 
-        The torque limit is applied after the limits of target rate and joint speed, because it must hold even if the
-        target has to jump. The limits of the joint range are applied last.
+        The torque limit is applied after the limits of target rate and joint speed, because it must hold even if it
+        makes the target jump. The limits of the joint range are applied last.
 
         Args:
             robot: Robot with the servo gains and the joint range.
@@ -84,7 +86,7 @@ class SafetyLimits(Settings):
             targets: Wanted joint targets, (n, 12), rad.
             previous: Joint targets of the previous control step, (n, 12), rad.
             joints: Current joint angles, (n, 12), rad.
-            speeds: Current joint speeds, (n, 12), rad/s.
+            speeds: Current joint velocities, (n, 12), rad/s.
 
         Returns:
             Limited joint targets, (n, 12), rad.

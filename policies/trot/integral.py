@@ -1,7 +1,7 @@
 """Trot with integral action: the integral of the velocity error is added to the command of the trot.
 
 The open-loop trot uses only the command, not the measured velocity. A slope, a steady force, a load or a slippery floor
-therefore cause a lasting velocity error. The integral of this error removes it.
+therefore cause a lasting velocity error. The integral action removes this error.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -34,14 +34,14 @@ class IntegralParameters(TrotParameters):
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Integral gain, as rate of change of the forward (lateral) correction per forward (lateral) error, 1/s.
 
-    The correction is added to the commanded velocity."""
+    The correction is added to the velocity command of the trot."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Integral gain of the yaw rate, as rate of change of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the expected velocity follows the command, s.
 
-    The integral counts the error of the measured velocity relative to the expected velocity. It would otherwise count
-    the time that the robot needs to accelerate after a new command."""
+    The integral counts the error of the measured velocity relative to the expected velocity, not to the command. It
+    would otherwise also count the error while the robot accelerates after a new command."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
     """Largest forward or lateral velocity error that the integral counts; a larger error is clipped.
 
@@ -63,16 +63,17 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
 """Parameter name -> (lower, upper) bound of the parameter search for the trot with integral action.
 
 The ranges include the five parameters of the command map, see `CommandMap`. The search for the open-loop trot does not
-vary them, but fits them to measured velocities."""
-FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
+vary these five parameters, but fits them to measured velocities."""
+FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)
+"""Parameter file of the trot with integral action."""
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
     """Return the parameters of the trot with integral action for a `robot`.
 
-    They are loaded by `ParameterFile.load_for_robot`. If the robot has a parameter file of the open-loop trot, but none
-    of the trot with integral action, the gait parameters are read from that file. The parameters of the integral are
-    then scaled from SimpleQuad. Raises PolicyError if a file is damaged.
+    `ParameterFile.load_for_robot` loads the parameters from `trot_integral.json`. If the robot has only a file
+    `trot.json` (open-loop trot), the gait parameters are read from `trot.json`, and the parameters of the integral are
+    scaled from SimpleQuad. Raises PolicyError if a file is damaged.
     """
     parameters = FILE.load_for_robot(robot)
     folder = models_folder(robot)
@@ -91,7 +92,9 @@ class TrotIntegral(Trot):
     name = "trot_integral"
     parameters: IntegralParameters
     _expected: Floats = per_robot(np.zeros(3))
-    """Velocity that each robot is expected to have (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
+    """Velocity that each robot should have (forward, lateral, yaw rate), (n, 3), m/s and rad/s.
+
+    It is the velocity command after a low-pass filter with the time constant `settling_time`."""
     _integral: Floats = per_robot(np.zeros(3))
     """Correction of the command (forward, lateral, yaw rate), the integral of the error, (n, 3), m/s and rad/s."""
 
@@ -100,7 +103,7 @@ class TrotIntegral(Trot):
 
     @cached_property
     def _limit_scale(self) -> Floats:
-        """Factors on `largest_error` and `largest_correction` for the forward, lateral and yaw velocity, (3,).
+        """Factors on the parameters `largest_error` and `largest_correction`: (forward, lateral, yaw), (3,).
 
         The factor of the yaw rate converts a limit in m/s, scaled to the robot, to a limit in rad/s. All factors are 1
         for SimpleQuad.

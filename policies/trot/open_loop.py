@@ -50,8 +50,8 @@ class TrotParameters(CommandMap):
     turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
     """Lead time of the direction of motion in a curve, s.
 
-    The direction in which the trunk moves lags behind the command. The gait therefore walks in the commanded direction
-    rotated by the lead time times the yaw rate."""
+    The direction in which the trunk moves lags behind the command. The gait therefore rotates the commanded direction
+    of motion by the lead time times the yaw rate."""
     linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
     """Largest rate of change of the forward and the lateral velocity with which the gait follows a command, m/s²."""
     yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
@@ -84,9 +84,9 @@ class Trot(GaitedPolicy):
 
     name = "trot"
     _command: Floats = per_robot(np.zeros(3))
-    """Internal command after the limits of acceleration (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
+    """Velocity command (forward, lateral, yaw rate) after the limits of acceleration, (n, 3), m/s and rad/s."""
     _joints: Floats = per_robot()
-    """Joint targets of the last control step before the lead time is added, (n, 12), rad."""
+    """Joint targets of the last control step, before `servo_lead` corrects them for the servo lag, (n, 12), rad."""
 
     def __init__(
         self,
@@ -117,7 +117,7 @@ class Trot(GaitedPolicy):
         return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
 
     def _follow(self, command: Floats) -> None:
-        """Move the internal command of each robot towards its velocity command, with limited acceleration.
+        """Move the velocity command of the gait towards the observed one, with limited acceleration.
 
         `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate).
         """
@@ -151,7 +151,7 @@ class Trot(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))
 
     def _foot_positions(self, cycle: LegCycle, velocity: Floats) -> tuple[Floats, Floats]:
-        """Return the forward and the lateral coordinates of the feet, each in the frame of its hip, (n, 4), m.
+        """Return the forward and the lateral coordinates of the feet relative to the hip joints, (n, 4), m.
 
         `velocity`, (n, 3), m/s and rad/s, is the velocity input of the gait (forward, lateral, yaw rate).
         """

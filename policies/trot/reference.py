@@ -1,9 +1,9 @@
 """Reference trot: an upright trot on compliant servos, to which learned policies add corrections.
 
 The reference trot is the trot with integral action on the velocity error. Its parameters are chosen by hand. The gait
-frequency is low for a trot that has no balance control. The compliant servos yield at impacts. The reference trot
-provides swing times, step height and body height, so that the network need not generate them (A. Iscen et al., Policies
-Modulating Trajectory Generators, 2018).
+frequency is low for a trot that has no balance control. The compliant servos give way at impacts of the feet. The
+reference trot provides swing times, step height and body height, so that the network need not generate them (A. Iscen
+et al., Policies Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class ReferenceParameters(IntegralParameters):
     body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
     """Height of the hip joints above the centres of the stance feet, m.
 
-    For robots other than SimpleQuad, it is scaled in proportion to the leg length."""
+    For robots other than SimpleQuad, the height is scaled in proportion to the leg length."""
     stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
     """Stiffness of the joint servos: torque per angle error, N·m/rad."""
     damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
@@ -32,7 +32,7 @@ class ReferenceParameters(IntegralParameters):
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
-"""Parameter file of the reference trot; no search writes it."""
+"""Parameter file of the reference trot, written by hand; no parameter search writes this file."""
 
 
 class TrotReference(TrotIntegral):
@@ -42,7 +42,8 @@ class TrotReference(TrotIntegral):
 
     Args:
         parameters: Parameters of the gait and the servo gains; None for the parameter file of the robot.
-        robot: Robot that trots, or its name. It gets the servo gains in the parameters, unless its gains are fixed.
+        robot: Robot that trots, or its name. The policy gives it the servo gains in the parameters, unless its gains
+            are fixed.
         control_period: Time between two control steps, s.
     """
 

@@ -2,8 +2,8 @@
 
 The method is by Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The
 springs and dampers define a wanted acceleration of the trunk with six components, linear and angular. The stance feet
-produce it with contact forces of minimum norm. Two stance feet can produce only five of the six components. Weights
-determine how the remaining error is distributed over the components.
+produce this acceleration with contact forces of minimum norm. Two stance feet can produce only five of the six
+components. Weights determine the distribution of the remaining error over the components.
 """
 
 import numpy as np
@@ -21,16 +21,19 @@ from quad_env.physics.rotations import skew
 MAX_ACCELERATION = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
 """Upper limits of the trunk acceleration that the virtual springs and dampers define.
 
-The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s², level frame."""
+The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s². They are in the
+level frame (x along the heading, z up)."""
 MIN_ACCELERATION = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
 """Lower limits of the trunk acceleration that the virtual springs and dampers define.
 
-The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s², level frame. The
-vertical limit is above -9.81 m/s², because the feet carry no load if the trunk falls freely."""
+The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s². They are in the
+level frame (x along the heading, z up). The vertical limit is above -9.81 m/s², because the feet carry no load if the
+trunk falls freely."""
 _DAMPING = 1e-5
 """Damping λ of the least-squares solution for the contact forces of minimum norm.
 
-It is added to the diagonal of E Eᵀ; the matrix E maps the contact forces to the weighted trunk accelerations."""
+The damping is added to the diagonal of E Eᵀ. The matrix E maps the contact forces to the weighted trunk
+accelerations."""
 
 
 def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: TerrainPlane, height: float) -> Floats:
@@ -43,7 +46,8 @@ def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: Terra
         height: Reference height of the trunk centres above the ground, m.
 
     Returns:
-        Linear and angular acceleration within the limits, level frame, (n, 6), m/s² and rad/s².
+        Linear and angular acceleration between MIN_ACCELERATION and MAX_ACCELERATION, level frame (x along the heading,
+        z up), (n, 6), m/s² and rad/s².
     """
     forward, lateral, yaw_rate = state.command.T
     climb = ground.forward * forward + ground.lateral * lateral
@@ -63,15 +67,17 @@ def distribute_acceleration(
     """Compute contact forces of the stance feet that produce a wanted acceleration of the trunk.
 
     Args:
-        p: Weights of the components of the acceleration, because two stance feet cannot produce all six.
+        p: Parameters with the weights of the components of the acceleration. Weights are needed because two stance feet
+            cannot produce all six components.
         state: Motion state of n robots.
-        acceleration: Wanted linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
+        acceleration: Wanted linear and angular acceleration of the trunk, level frame (x along the heading, z up), m/s²
+            and rad/s², (n, 6).
         stance: True for stance feet, (n, 4).
         friction: Friction coefficient and largest normal force of each robot.
 
     Returns:
-        Contact forces of minimum norm, level frame, (n, 4, 3), N. Horizontal forces are scaled down to the friction
-        cone.
+        Contact forces of minimum norm, level frame (x along the heading, z up), (n, 4, 3), N. Horizontal forces are
+        scaled down so that they lie in the friction cone.
     """
     bodies = state.bodies
     moment_arms = skew(bodies.feet - bodies.com_position[:, None])

@@ -54,12 +54,14 @@ class VirtualParameters(ModelParameters):
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), VirtualParameters)
+"""Parameter file of `trot_feedback`."""
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> VirtualParameters:
     """Return the parameters of `trot_feedback` for a `robot`, with a frequency of at most `MAX_FREQUENCY`.
 
-    They are read from the parameter file of the robot, or scaled from SimpleQuad, see `ParameterFile.load_for_robot`.
+    The parameters are read from the parameter file of the robot, or scaled from SimpleQuad, see
+    `ParameterFile.load_for_robot`.
     """
     parameters = FILE.load_for_robot(robot)
     return replace(parameters, frequency=min(parameters.frequency, MAX_FREQUENCY))
