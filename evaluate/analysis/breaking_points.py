@@ -33,7 +33,7 @@ BREAKING_POINT_WORDS: dict[FailureKind, str] = {
     "success": "half of the episodes no longer succeed at",
     "falls": "half of the episodes fall at",
 }
-"""Kind of failure -> words that are printed before the breaking points of this kind (severities)."""
+"""Kind of failure -> words that are printed before the severities at which half of the episodes fail."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class AxisBreakingPoint:
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
     """Compute the breaking points of every policy on each disturbance axis with enough severities.
 
-    A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail. At least
-    MIN_LEVELS severities are needed.
+    A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail. It is
+    computed only if the disturbance was tested at MIN_LEVELS severities or more.
 
     Args:
         cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
@@ -150,5 +150,5 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
 
 
 def _round_to_three_digits(value: float) -> float:
-    """Round a severity to three significant digits; confidence intervals are wider than this error."""
+    """Round a severity to three significant digits; its confidence interval is wider than the error."""
     return float(f"{value:.3g}")

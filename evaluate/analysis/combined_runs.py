@@ -38,7 +38,7 @@ class CombinedRuns:
     correlation: RankCorrelation | None
     """Rank correlation of the scores in runs A and B: do both runs rank the policies in the same order?
 
-    It is None for fewer than MIN_POLICIES compared policies.
+    The value is None if fewer than MIN_POLICIES policies are compared.
     """
 
 
@@ -79,7 +79,7 @@ def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[Poli
     Args:
         run: Manifest and episode table of the run to reduce.
         other: Manifest and episode table of the other run.
-        labels: Name of a policy of `run` -> display name; policies that are no key are left out.
+        labels: Name of a policy of `run` -> display name; all other policies are left out.
 
     Returns:
         Results with the display names of the policies, one for each policy-scenario pair that has all common seeds.
@@ -123,7 +123,7 @@ def _pareto_points(
     Args:
         run: Manifest and episode table of the run.
         cells: Results of the run, one for each policy-scenario pair.
-        scored: Results of both runs that enter the score. Policies that are not in it are left out.
+        scored: Results of both runs that enter the score. Policies that have no result in `scored` are left out.
         hardware: True to use the scenarios with the hardware profile (models of the real robot's motors and sensors),
             False to use the scenarios without it.
 

@@ -42,7 +42,7 @@ A smaller value is better.
 SCORE = "score"
 """Name of the score: mean success of a policy over all kinds of disturbance in an evaluation, 0 … 1."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
-"""Name of a metric that is not a rate -> largest possible value, which limits its bootstrap interval."""
+"""Name of a metric that is not a rate -> its largest possible value, which limits its bootstrap interval."""
 METRICS = (*RATES, *ERRORS)
 """Names of the metrics in which policies are compared, in display order: rates, then tracking errors."""
 SIGNIFICANT = 0.05
@@ -63,9 +63,9 @@ class Comparison:
     a: str
     """Name of the policy a in the difference a − b."""
     b: str
-    """Name of the policy b in the difference a − b. If one of the two policies is the baseline, it is b."""
+    """Name of the policy b in the difference a − b. If one of the two policies is the baseline, b is the baseline."""
     metric: str
-    """Name of the compared metric, one of METRICS, for example `success_rate`."""
+    """Name of the compared metric, for example `success_rate` or `velocity_error`."""
     difference: float
     """Mean over the episodes of the difference a − b between two policies, in the unit of the metric."""
     ci: Interval
@@ -81,12 +81,12 @@ class Comparison:
     p_value_holm: float
     """p-value of `difference` after Holm's correction for the number of tests.
 
-    `compare` or `ranking.correct_p_values` applies the correction.
+    The function `compare` or `ranking.correct_p_values` applies the correction.
     """
     identical: bool = False
     """True if every measure of every episode of the two policies is bit-identical.
 
-    The difference is then 0, and its interval is NO_INTERVAL.
+    The difference is then 0, and both ends of its interval are NaN.
     """
 
 
@@ -152,7 +152,7 @@ def default_baseline(policies: Sequence[str]) -> str:
         policies: Names of the policies, in the order of the evaluation.
 
     Returns:
-        BASELINE if it is among the policies, otherwise the name of the first policy.
+        The name in BASELINE (`trot`) if it is among the policies, otherwise the name of the first policy.
     """
     return BASELINE if BASELINE in policies or not policies else policies[0]
 

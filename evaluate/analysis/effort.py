@@ -42,7 +42,7 @@ def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
 
     The cost of transport of all episodes together is a quotient of sums: ∑ energy / (weight · ∑ distance). This
     function linearises the quotient (Woodruff 1971, Journal of the American Statistical Association 66), which turns it
-    into a mean over the episodes. Confidence intervals and paired differences can then be computed as for any mean.
+    into a mean over the episodes. Confidence intervals and paired differences can then be computed as for a mean.
 
     Args:
         energy: Mechanical energy of each episode, (n,), J.
@@ -50,8 +50,8 @@ def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Linearised cost of transport of each episode, (n,), without unit. All values are NaN if the cost of all episodes
-        together is NaN.
+        Linearised cost of transport of each episode, (n,), without unit; its mean is the cost of all episodes together.
+        All values are NaN if the cost of all episodes together is NaN.
     """
     total_cost = cost_of_all(energy, distance, weight)
     if np.isnan(total_cost):

@@ -1,7 +1,7 @@
 """Selection of the failed episodes that a report shows: the worst and the most typical of each policy.
 
-Both are selected for each disturbance axis. A disturbance axis is a kind of disturbance, for example pushes, that is
-tested at several severities.
+Both episodes are selected for each disturbance axis. A disturbance axis is a kind of disturbance, for example pushes,
+that is tested at several severities.
 """
 
 import hashlib
@@ -29,13 +29,13 @@ class FailedEpisode(NamedTuple):
         policy: Name of the policy that controlled the robot.
         axis: Name of the disturbance axis (kind of disturbance with several severities), for example `push`.
         scenario: Name of the scenario, which has one severity of the disturbance.
-        level: Index of this severity among the severities of the disturbance axis, 0 for the mildest.
+        level: Index of the severity of the scenario among the severities of the disturbance axis, 0 for the mildest.
         number: Index of the episode among the episodes of this policy on this scenario.
         row: Index of the episode's row in the table episodes.parquet.
         page: File name of the HTML page that shows the episode. It contains a hash of all inputs of the page.
         fell: True if the robot fell.
-        time: Time of the fall, s. If the robot did not fall, it is the onset of the cause of failure, and infinite if
-            no onset is known.
+        time: Time of the fall, s. If the robot did not fall, it is the time at which the cause of failure began. It is
+            infinite if this time is not known.
         cause: Name of the cause of failure; None if it is unknown.
     """
 
@@ -88,7 +88,7 @@ def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
 
 
 def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
-    """Return the typical one of some failures: closest to the median time, with the most frequent cause.
+    """Return the typical failed episode: most frequent cause, and closest to the median time of failure.
 
     Args:
         failures: Failed episodes of one policy on one disturbance axis, sorted from the mildest severity.

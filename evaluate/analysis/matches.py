@@ -37,7 +37,7 @@ class Match:
     episodes: tuple[int, int]
     """Number of episodes of the two policies on the scenario: in run A, and in run B."""
     common: int
-    """Number of compared episodes, which are the episodes with a seed that both runs have."""
+    """Number of compared episodes: the episodes of the two policies with a seed that both runs have."""
     identical: bool
     """True if all measures of the compared episodes are bit-identical in both runs."""
     contrasts: tuple[MetricDifference, ...]

@@ -43,7 +43,7 @@ class ParetoPoint:
     dominated_by: tuple[str, ...] = ()
     """Names of the policies on the Pareto front that dominate this policy.
 
-    Each of them is at least as good both in success and in cost of transport, and better in one of the two.
+    A policy dominates another if it is at least as good in both success and cost of transport, and better in one.
     """
 
 
@@ -93,7 +93,7 @@ def cost_scenario(scenarios: Container[str]) -> str:
         scenarios: Names of the scenarios of the evaluation.
 
     Returns:
-        The first name in COST_SCENARIOS that is among them; empty if there is none.
+        The first name in COST_SCENARIOS that is among `scenarios`; empty if none of them is.
     """
     return next((name for name in COST_SCENARIOS if name in scenarios), "")
 
@@ -103,8 +103,8 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
 
     Args:
         cost_on: Name of the scenario on which the cost of transport is measured; empty for all scenarios together.
-        points: Success and cost of transport of each policy. A policy with a cost of NaN is neither on the front nor
-            dominated.
+        points: Success and cost of transport of each policy. A policy with a cost of NaN is not on the front, and no
+            policy dominates it.
 
     Returns:
         The Pareto front, and a copy of each point with the names of the policies that dominate its policy.
@@ -129,13 +129,13 @@ def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, 
         point: Success and cost of transport of the policy.
 
     Returns:
-        Names of the policies on the front that are no worse in both, and better in one of the two.
+        Names of the policies on the front that are at least as good in success and cost, and better in one of them.
     """
     return tuple(other.policy for other in front if _dominates(other, point))
 
 
 def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
-    """Return True if policy `a` dominates policy `b`: no worse in success and cost, and better in one."""
+    """Return True if policy `a` is at least as good as `b` in success and cost, and better in one of them."""
     no_worse = a.success >= b.success and a.cost <= b.cost
     return no_worse and (a.success > b.success or a.cost < b.cost)
 

@@ -1,6 +1,6 @@
 """Rank correlation of two evaluations: do both of them rank the policies in the same order?
 
-The evaluations differ, for example, in the simulator.
+The two evaluations run the same policies, for example with different simulators.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,11 +41,11 @@ class RankCorrelation:
     """
 
     def lines(self) -> Iterator[str]:
-        """Yield lines of text to print: does the ranking of run A also hold in run B? Both rankings follow.
+        """Yield lines of text to print: does the ranking of run A also hold in run B?
 
-        The first line has the answer. It is `yes` if the interval of the correlation is positive and includes 1. It is
-        `in part` if the interval is positive and below 1, and `no` if the interval is negative. Otherwise it is
-        `not shown`.
+        The first line has the answer, and two further lines have the rankings of both runs. The answer is `yes` if the
+        interval of the correlation is positive and includes 1. It is `in part` if the interval is positive and below 1,
+        and `no` if the interval is negative. Otherwise it is `not shown`.
         """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"
@@ -91,8 +91,8 @@ def kendall_tau(a: Floats, b: Floats) -> Floats:
     """Compute Kendall's rank correlation tau-b between two sets of scores (Biometrika 33, 1945).
 
     Args:
-        a: Score of each policy in the first set, (…, k).
-        b: Score of each policy in the second set, (…, k).
+        a: Score of each of k policies in the first set, (…, k).
+        b: Score of each of the same k policies in the second set, (…, k).
 
     Returns:
         Correlation, −1 … 1, (…). It is NaN if all policies have the same score in `a` or in `b`.

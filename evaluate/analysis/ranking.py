@@ -14,9 +14,9 @@ from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
-"""Total weight of all tests of adjacent policies in the weighted Holm correction, 0 … 1.
+"""Total weight of the tests of adjacent policies in the weighted Holm correction of p-values, 0 … 1.
 
-The tests of differences on single scenarios share the remaining weight.
+The tests of differences on single scenarios have the remaining weight together.
 """
 Claim = tuple[str, frozenset[str]]
 """Key of a tested difference between two policies: scenario name and the two policy names.
@@ -24,7 +24,7 @@ Claim = tuple[str, frozenset[str]]
 The scenario name is empty if the difference is over all scenarios together.
 """
 POWER = 0.8
-"""Statistical power for which the number of needed episodes is computed: probability of significance."""
+"""Probability (power) with which a test of the computed number of episodes shows a real difference."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class AdjacentPair:
 
     @property
     def distinguished(self) -> bool:
-        """True if the difference between the two policies is significant: `p_value_holm` is below SIGNIFICANT."""
+        """True if the difference between the two policies is significant: its corrected p-value is below 0.05."""
         return self.p_value_holm < SIGNIFICANT
 
 
@@ -173,15 +173,16 @@ def correct_p_values(
     any reported difference does not exist is at most SIGNIFICANT.
 
     The scores decide which policies are adjacent, but this selection needs no further correction. m equal policies have
-    m (m − 1) / 2 pairs. A large difference between two adjacent ones implies a large difference in at least m − 1 of
-    these pairs. It is therefore at most m / 2 times as probable as a large difference in one given pair. The correction
-    for m − 1 adjacent pairs covers this factor. For an evaluation with `--until settled`, the p-values of adjacent
-    policies are also corrected for the number of interim analyses.
+    m (m − 1) / 2 pairs. A large difference between two adjacent policies implies a large difference in at least m − 1
+    of these pairs. A large difference is therefore at most m / 2 times as probable as a large difference in one given
+    pair. The correction for m − 1 adjacent pairs covers this factor. For an evaluation with `--until settled`, the
+    p-values of adjacent policies are also corrected for the number of interim analyses.
 
     Args:
         ranked: Ranking with uncorrected p-values.
         comparisons: Comparisons of two policies on single scenarios. Only the success rate is corrected.
-        limit: Maximum number of episodes with `--until settled`; 0 for a fixed number of episodes.
+        limit: Maximum number of episodes in an evaluation that adds episodes until adjacent policies are distinguished
+            (`--until settled`); 0 for a fixed number of episodes.
 
     Returns:
         The ranking and the comparisons, with corrected p-values.
@@ -219,8 +220,8 @@ def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
 
     Args:
         ranked: Ranking with uncorrected p-values.
-        limit: Maximum number of episodes with `--until settled`; 0 for a fixed number of episodes, which needs no
-            correction.
+        limit: Maximum number of episodes in an evaluation that adds episodes until adjacent policies are distinguished
+            (`--until settled`); 0 for a fixed number of episodes, which needs no correction.
 
     Returns:
         (scenario name, two policy names) -> p-value. The scenario name is empty if the score has several scenarios.
@@ -264,13 +265,13 @@ def _with_corrected_p_value(
 def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
     """Compute the number of episodes after which the difference between two policies will be significant.
 
-    It is then significant with the probability POWER. The number is
+    After this number of episodes, the difference is significant with the probability POWER. The number is
     ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2
     (Guenther 1981, The American Statistician 35). z is the quantile function of the normal distribution. `difference`
     and `deviation` are the observed mean and standard deviation of the paired difference.
 
-    The result is also large enough for a sign-flip test. Its smallest p-value for n episodes, 2 / 2^n, must not exceed
-    the level.
+    The result is also large enough for a sign-flip test: the smallest p-value of this test for n episodes, 2 / 2^n,
+    must not exceed the level.
 
     Args:
         pair: Comparison of two adjacent policies, with the observed difference and its standard deviation.

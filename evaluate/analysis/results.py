@@ -79,14 +79,20 @@ class Results:
     They are computed for every kind of disturbance that was tested at three or more severities.
     """
     scores: tuple[Score, ...]
-    """Scores (mean success) of the policies on scenarios without the hardware profile, the highest first."""
+    """Scores (mean success) of the policies on scenarios without the hardware profile, the highest first.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
+    """
     hardware_scores: tuple[Score, ...]
     """Scores (mean success) of the policies on the scenarios with the hardware profile, the highest first.
 
     The hardware profile consists of models of the real robot's motors and sensors.
     """
     pareto: Pareto
-    """Success against cost of transport of the policies, on the scenarios without the hardware profile."""
+    """Success against cost of transport of the policies, on the scenarios without the hardware profile.
+
+    The hardware profile consists of models of the real robot's motors and sensors.
+    """
     hardware_pareto: Pareto
     """Success against cost of transport of the policies, on the scenarios with the hardware profile.
 

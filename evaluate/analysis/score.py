@@ -119,7 +119,7 @@ def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool
 
     Returns:
         Disturbance axes that enter the score, and the results of the policies that ran all scenarios of these axes.
-        There are no results if the episodes of these policies have different seeds.
+        `cells_by_policy` is empty if the episodes of these policies have different seeds.
     """
     scored_cells = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     scored_cells = scored_cells or [cell for cell in cells if cell.scenario.hardware == hardware]
@@ -215,5 +215,5 @@ def is_scored(scenario: Scenario, hardware: bool) -> bool:
 
 
 def _base(name: str) -> str:
-    """Return the `name` of a scenario or disturbance axis, with the suffix `+hardware` removed."""
+    """Return the `name` of a scenario or disturbance axis without its suffix `+hardware`, if it has one."""
     return name.removesuffix(HARDWARE)

@@ -93,8 +93,8 @@ def axis_name(scenario: Scenario) -> str:
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Sort the scenarios of one disturbance axis from the mildest to the hardest.
 
-    The order of the severities in the definition of the axis shows whether a larger severity is harder. If the axis is
-    not registered, the order of `scenarios` shows it.
+    The definition of the axis lists its severities from the mildest to the hardest. The order shows if a larger
+    severity is harder. If the axis is not registered, the order of `scenarios` is used instead.
 
     Args:
         scenarios: Scenarios of one disturbance axis, in the order of the evaluation.

@@ -84,8 +84,8 @@ class Summary:
     cost_of_transport: float
     """Cost of transport of all episodes together, without unit.
 
-    It is the energy of all episodes / (weight of the robot · distance of all episodes). `figures` contains the same
-    value.
+    It is the energy of all episodes / (weight of the robot · distance of all episodes). The field `figures` contains
+    this value as well.
     """
     overspeed: float
     """Fraction of joints and control steps above the rated joint speed, mean over the episodes."""
@@ -100,11 +100,11 @@ class Summary:
     computed from all episodes together.
     """
     duty_factor: tuple[float, ...]
-    """Duty factor (fraction of time in stance) of feet FL, FR, RL, RR, (4,), mean over the episodes."""
+    """Duty factor (fraction of time in stance) of the feet FL, FR, RL, RR, (4,): mean over the episodes."""
     effort: dict[str, float]
     """Name of an effort measure, such as `step_rate` -> mean over the episodes in which it is not NaN.
 
-    The duty factor is the mean over all feet as well.
+    The duty factor in this dictionary is the mean over the four feet.
     """
     effort_intervals: dict[str, Interval]
     """Name of an effort measure, such as `step_rate` -> 95 % confidence interval of its mean."""

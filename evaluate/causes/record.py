@@ -56,7 +56,7 @@ class EpisodeSignals:
         return self.end < self.episodes.steps
 
     def signal(self, name: str) -> Floats:
-        """Return the recorded signal `name` in the control steps before the fall or the time limit, (end, …).
+        """Return the recorded signal `name` before the fall or the time limit, one row per step, (steps, …).
 
         The names, for example `tilt`, are fields of `Episodes`. The values are converted to float64.
         """
@@ -78,19 +78,25 @@ class EpisodeSignals:
     def sampled(self) -> EpisodeSample:
         """Random conditions of this episode, for example friction, pushes and delays.
 
-        They are not recorded. They are drawn again from the seed of the episode, with the same result.
+        The conditions are not recorded. They are drawn again from the seed of the episode, with the same result.
         """
         seed = int(self.episodes.seeds[self.number])
         return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
 
     @cached_property
     def rotation(self) -> Floats:
-        """Rotation matrix from the base frame (fixed to the trunk) to the world frame, (end steps, 3, 3)."""
+        """Rotation matrix from the base frame (fixed to the trunk) to the world frame, (steps, 3, 3).
+
+        It has one row for each control step before the fall or the time limit.
+        """
         return np.moveaxis(np.array(rotation_matrix(to_components(self.signal("quaternion")))), -1, 0)
 
     @cached_property
     def velocity(self) -> Floats:
-        """Horizontal velocity of the trunk in each control step, world frame, x and y, (end steps, 2), m/s."""
+        """Horizontal velocity of the trunk, world frame, x and y, (steps, 2), m/s.
+
+        It has one row for each control step before the fall or the time limit.
+        """
         yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
         rotation_world_from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return np.asarray(np.einsum("ijt,tj->ti", rotation_world_from_heading, self.signal("heading_velocity")[:, :2]))
@@ -105,10 +111,11 @@ class EpisodeSignals:
 
     @cached_property
     def capture_point_offset(self) -> Floats:
-        """Capture point minus the mean position of the four feet, world frame, x and y, (end steps, 2), m.
+        """Capture point minus the mean position of the four feet, world frame, x and y, (steps, 2), m.
 
-        The capture point is the point on the ground at which the robot would have to step to come to rest (Pratt et al.
-        2006). The longer this vector is, the more the robot is off balance.
+        It has one row for each control step before the fall or the time limit. The capture point is the point on the
+        ground at which the robot would have to step to come to rest (Pratt et al. 2006). The longer the vector from the
+        feet to this point is, the more the robot is off balance.
         """
         feet = self.signal("foot_position")[:, :, :2].mean(axis=1)
         return np.asarray(self.signal("position")[:, :2] + self.velocity * self.time_constant - feet)
@@ -117,9 +124,9 @@ class EpisodeSignals:
     def shank(self) -> tuple[Floats, Floats]:
         """Pair of arrays: positions, m, and velocities, m/s, of four points on each of the four shanks.
 
-        Both arrays are in the world frame, (end steps, 4 legs, 4 points, 3). The points lie at the fractions
-        SHANK_SAMPLES of the shank's length, from the knee to the foot. The last point is the foot. Each velocity is the
-        mean since the previous control step.
+        Both arrays are in the world frame, (steps, 4 legs, 4 points, 3), with one row for each control step before the
+        fall or the time limit. The points lie at the fractions SHANK_SAMPLES of the shank's length, from the knee to
+        the foot. The last point is the foot. Each velocity is the mean since the previous control step.
         """
         to_knees = replace(self.episodes.robot, calf_length=0.0)
         knee = feet_in_world(to_knees, self.signal("position"), self.rotation, self.signal("joint_position"))[
@@ -129,7 +136,7 @@ class EpisodeSignals:
         return points, np.diff(points, axis=0, prepend=points[:1]) / self.episodes.dt
 
     def ground(self, points: Floats) -> Floats:
-        """Return the height of the ground below or above each position in `points`, world frame, (…), m.
+        """Return the height of the ground at the horizontal position of each of the `points`, (…), m.
 
         Args:
             points: Positions, world frame, m, (…, 2) or (…, 3). Only the coordinates x and y count.
@@ -159,15 +166,15 @@ class EpisodeSignals:
         """Return the mask of the control steps in which a signal is larger than usual in this episode.
 
         The largest usual value is computed from a quantile of the signal in the control steps well before the fall. A
-        value is unusual if it exceeds both `limit` and this usual value. If there are too few of these control steps,
-        every value above `limit` is unusual.
+        value is unusual if it exceeds both `limit` and this usual value. If there are too few control steps well before
+        the fall, every value above `limit` is unusual.
 
         Args:
-            signal: Value of the signal in each control step, (end,).
+            signal: Value of the signal in each control step before the fall or the time limit, (steps,).
             limit: Smallest threshold for an unusual value, in the unit of the signal.
 
         Returns:
-            True for control steps with an unusually large value, (end,).
+            True for control steps with an unusually large value, (steps,).
         """
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):

@@ -35,11 +35,11 @@ ESTIMATE = "wrong_estimate"
 SIGNAL = "late_or_lost_signal"
 """Cause of failure: observations or actions are delayed, or joint targets do not reach the servos."""
 GAIT = "gait"
-"""Cause of failure: the gait of the robot itself; no rule finds another cause."""
+"""Cause of failure: the robot's own gait, because no rule finds another cause."""
 SLOW = "too_slow"
-"""Cause of failure: the upright robot moves more slowly than the velocity command demands."""
+"""Cause of failure: the upright robot follows the velocity command too slowly, but covers enough distance."""
 STALLED = "stalled"
-"""Cause of failure: the upright robot covers too little of the commanded distance."""
+"""Cause of failure: the upright robot covers less than a minimum fraction of the commanded distance."""
 POLICY = "policy_error"
 """Cause of failure: the policy raises an exception, answers too late, or returns no finite action."""
 UNCLEAR = "unclear"
@@ -64,7 +64,7 @@ class Event(NamedTuple):
     """Event in a failed episode that may have caused the failure; the rules of this module find it."""
 
     cause: str
-    """Name of the kind of cause, one of CAUSES, for example `trip`."""
+    """Name of the kind of cause, for example `trip` or `slip`."""
     step: int
     """Index of the control step in which the event began, counted from the start of the episode."""
     score: float
@@ -109,8 +109,9 @@ def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, F
         steps: Indices of the control steps in which a collision may have happened, (k,).
 
     Returns:
-        speed: Mean horizontal speed of the point in the control steps before, (k, 4 legs, 4 points), m/s.
-        speed_lost: Decrease of the velocity along its previous direction, (k, 4 legs, 4 points), m/s.
+        speed: Mean horizontal speed of the point just before the possible collision, (k, 4 legs, 4 points), m/s.
+        speed_lost: Decrease of the velocity component along the direction before the possible collision, (k, 4 legs, 4
+            points), m/s.
         rise: Ground height ahead of the point minus ground height behind it, (k, 4 legs, 4 points), m.
     """
     points, velocity = record.shank
@@ -140,8 +141,8 @@ def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Fl
 def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
     """Return the mask of the points on the shanks of swing legs that are in contact with an obstacle.
 
-    A leg is a swing leg if its foot was in the air in the control steps before. Each shank has four points; the last
-    one is the foot. The contact of each foot is recorded separately. All other parts of the legs have one common
+    A leg is a swing leg if its foot was in the air shortly before the control step. Each shank has four points; the
+    last one is the foot. The contact of each foot is recorded separately. All other parts of the legs have one common
     contact signal.
 
     Args:
@@ -230,7 +231,7 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
     """Find motors at their torque or speed limit, and servos that follow their joint targets too slowly.
 
-    The delay of a servo counts only if the scenario limits the bandwidth of the servos.
+    A servo that follows its target too slowly counts only if the scenario limits the bandwidth of the servos.
     """
     yield _saturation(record)
     bandwidth = record.scenario.motors.bandwidth
@@ -265,10 +266,10 @@ def _saturation(record: EpisodeSignals) -> Event:
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs that cannot reach further: at a joint limit, or almost fully stretched.
+    """Find stance legs that cannot reach further, because a joint is at its limit or the leg is stretched.
 
-    Only measured joint angles count. Joint targets do not, because crouching gaits usually have targets beyond a joint
-    limit.
+    Only measured joint angles count. Joint targets do not count, because crouching gaits usually have targets beyond a
+    joint limit.
     """
     window = record.window
     robot = record.episodes.robot
@@ -323,7 +324,7 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
     """Find servos that received no joint targets for some time (dropout) before the failure began.
 
     A servo holds its last target during a dropout. The score is the largest difference, in rad, between the targets
-    that the policy sent meanwhile and this last target, divided by its threshold.
+    that the policy sent during the dropout and the held target, divided by its threshold.
     """
     window = record.window
     dt = record.episodes.dt
@@ -430,7 +431,7 @@ def _first_step(window: slice, mask: Bools) -> int:
 
     Args:
         window: Range of control steps.
-        mask: True if the condition holds, for each control step of the range and each foot or joint, (steps, k).
+        mask: True if the condition holds, for each control step of the range and each of k feet or joints, (steps, k).
 
     Returns:
         Index of the control step, counted from the start of the episode. It is the start of the range if the condition

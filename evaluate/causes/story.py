@@ -20,7 +20,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     """Return the main events of an episode, sorted by time, to explain its outcome to the user.
 
     The events of a failed episode are the cause of the failure, and the strongest events of up to two other possible
-    causes. If the robot fell, the departure from its ordinary gait is added. The last event is the outcome.
+    causes. If the robot fell, the moment at which it left its ordinary gait is added. The last event is the outcome.
 
     Args:
         episodes: Recorded signals of n episodes.
@@ -38,7 +38,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     moments = _events(decided)
     if record.fell and record.end:
         if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
-            moments = []  # The departure from the gait, which is added below, is the same event.
+            moments = []  # The departure event, added below, replaces this event.
         moments.append(_departure(record))
         outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
     cause = decided.event.cause.replace("_", " ")
@@ -51,7 +51,8 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
 def _events(decided: Verdict) -> list[tuple[int, str]]:
     """Return control step and description of the cause of a failure, and of up to two other events.
 
-    The other events belong to other possible causes. Of each cause, the event with the highest score is chosen.
+    The other events belong to other possible causes: for each possible cause, the event with the highest score is
+    chosen.
 
     Args:
         decided: Verdict on the failed episode.

@@ -88,8 +88,8 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
     """Choose the cause of a fall: the first instantaneous event, otherwise the strongest lasting event.
 
     Only events with a score (quantity / threshold) of at least 1 count. A joint limit is chosen only if no other event
-    has this score. The cause is `unclear` if the scenario starts in a random pose, or if the robot falls within the
-    first control steps.
+    has a score of at least 1. The cause is `unclear` if the scenario starts in a random pose, or if the robot falls
+    within the first control steps.
 
     Args:
         record: Signals of the episode in which the robot fell.
@@ -113,9 +113,9 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
 
 
 def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Event, ...]) -> bool:
-    """Return True if an event certainly caused a fall.
+    """Return True if the event `first` certainly caused a fall.
 
-    The score of the event must be high, and no event with another cause may begin earlier or at the same time. If the
+    The score of this event must be high, and no event with another cause may begin earlier or at the same time. If the
     event is a trip, the robot must not have tripped earlier in the episode and stayed upright. A joint limit is never a
     certain cause, and it does not count as another cause.
 
@@ -165,8 +165,8 @@ def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
 def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Choose the cause of a failed episode in which the robot stayed upright.
 
-    The cause is the first event that UPRIGHT_RULES find with a score (quantity / threshold) of at least 1. If there is
-    no event of this kind, the cause follows from the deviation of the robot's velocity from the command.
+    The cause is the first event that UPRIGHT_RULES find with a score (quantity / threshold) of at least 1. If no event
+    has this score, the cause follows from the deviation of the robot's velocity from the command.
 
     Args:
         record: Signals of the failed episode.
@@ -196,7 +196,7 @@ def worst_interval(measures: Measures, number: int) -> int:
     """Return the index of the interval of constant command with the worst velocity error.
 
     The velocity error is divided by the tolerance of the success rule. An interval in which the robot covered too
-    little of the commanded distance counts as worse: 10 is added to this quotient.
+    little of the commanded distance counts as worse: 10 is added to the quotient of error and tolerance.
 
     Args:
         measures: Measures of n episodes.

@@ -83,7 +83,7 @@ def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console)
 
 
 def _read(path: Path) -> StoredRun:
-    """Read the manifest and the episode table of the run at `path`.
+    """Read the manifest and the episode table of the run (evaluation) at `path`.
 
     Args:
         path: Results folder, or a file in this folder.
@@ -114,8 +114,8 @@ def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str,
         b: Manifest of run B.
 
     Returns:
-        The pair that the options name. If they name none and each run has only one policy, the pair of these policies.
-        In other cases, one pair for each policy that both runs have.
+        The pair that the options name. If the options name none and each run has only one policy, it is the pair of
+        these two policies. In all other cases, there is one pair for each policy that both runs have.
 
     Raises:
         UsageError: A run does not have the named policy.
@@ -135,8 +135,8 @@ def _labels(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the display names of the policies of run A and of run B.
 
-    If both runs have a policy of the same name, the name of the results folder is added to distinguish them. It is not
-    added if all episodes of the two policies are identical.
+    If both runs have a policy of the same name, the name of the results folder is added to distinguish the two
+    policies. The folder is not added if all episodes of the two policies are identical.
 
     Args:
         options: Options of the command line.
@@ -162,7 +162,7 @@ def _display_names(names: Iterable[str], ambiguous: Set[str], folder: str) -> di
 
 
 def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield lines of text on the agreement of the two runs.
+    """Yield lines of text on the agreement of two runs: equal ranking, significant differences.
 
     The first lines show if both runs rank the policies in the same order. The other lines name the policies and
     scenarios with a significant difference in success rate.
@@ -195,7 +195,7 @@ def _success(match: Match) -> MetricDifference:
 
 
 def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[str, str]) -> FittedTable:
-    """Make the terminal table of the differences between the two runs.
+    """Make the terminal table of the differences between two runs (evaluations).
 
     Args:
         options: Options of the command line.

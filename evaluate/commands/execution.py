@@ -102,7 +102,7 @@ def _print_warnings(plan: Plan) -> None:
 
 
 def _interrupt_message(plan: Plan, run: Run) -> str:
-    """Return the message after Ctrl-C: the saved part of the `run`, and the command that continues it."""
+    """Return the message after Ctrl-C: saved part of the `run`, and the command that continues the run."""
     saved = "kept what was done"
     if run.cells:
         saved = f"wrote the {len(run.cells)} finished parts of {len(plan.manifest.cells)}"
@@ -204,7 +204,7 @@ def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Analyse a run with `--until settled`, and decide if it ends; other runs are returned unchanged.
+    """Analyse a run with `--until settled`, and decide if it ends; return a run without this option as is.
 
     The function prints the tests of the adjacent policies of the ranking, and stores the decision in the manifest.
 
@@ -246,7 +246,7 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
 def _resume_hint(store: ChunkStore) -> str:
     """Return the remedy after a failed run: the command that continues it, or advice to start again.
 
-    The run is started again if the `store` has no finished episodes yet.
+    The advice to start again is returned if the `store` has no finished episodes yet.
     """
     return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 

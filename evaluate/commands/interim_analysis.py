@@ -64,6 +64,8 @@ def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
 def check_ranked(policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario]) -> None:
     """Check that a run with `--until settled` has at least two policies that can be ranked.
 
+    This run adds episodes until adjacent policies of the ranking are distinguished.
+
     Args:
         policies: Policies of the run.
         scenarios: Scenarios of the run.

@@ -19,7 +19,8 @@ DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
 """Value of the option `--until` -> default number of episodes of each policy on each scenario.
 
-In a run with `--until settled`, it is the maximum number of episodes.
+A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this run, the
+value is the maximum number of episodes.
 """
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Names of the options that may change when an interrupted run is resumed; no result depends on them."""
@@ -81,7 +82,7 @@ class EvaluateOptions:
     def hardware_config(self) -> HardwareConfig:
         """Robot, servo gains, motors, sensors, estimator and simulator that the options select.
 
-        They apply to scenarios without the hardware profile.
+        These settings apply to scenarios without the hardware profile (models of the real robot's motors and sensors).
         """
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 

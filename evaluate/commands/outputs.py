@@ -41,7 +41,7 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
 
     Args:
         run: Finished or unfinished run.
-        baseline: Name of the policy to compare the others with; None for the default baseline.
+        baseline: Name of the policy that all other policies are compared with; None for the default baseline.
 
     Returns:
         Results of the run, from which tables and files are made.
@@ -59,12 +59,12 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
     """Print the table and write all files of a run; the file that takes longest is written last.
 
-    If an output fails, the next ones are written nevertheless, because the simulation took long.
+    If one output fails, the other outputs are written nevertheless, because the simulation took long.
 
     Args:
         run: Finished or unfinished run.
         folder: Results folder.
-        baseline: Name of the policy to compare the others with; None for the default baseline.
+        baseline: Name of the policy that all other policies are compared with; None for the default baseline.
         show: Function that prints the table.
 
     Raises:
@@ -139,7 +139,7 @@ def _to_replay(failure: FailedEpisode, folder: Path) -> str:
 
 
 def _run_writer(name: str, write: Callable[[], object]) -> list[str]:
-    """Call the write function of an output, and return its error as text.
+    """Call the function that writes an output, and return its error as text.
 
     Args:
         name: Name of the output, for the error text.

@@ -52,5 +52,5 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
 
 
 def _kept(done: int, targets: Sized) -> str:
-    """Return the message after Ctrl-C: the number of finished pages, `done`, and of all pages, `targets`."""
+    """Return the message after Ctrl-C: `done` pages of all requested pages, `targets`, are finished."""
     return f"{done} of {len(targets)} pages are there, and the same command goes on"

@@ -113,7 +113,7 @@ def check(options: EvaluateOptions) -> Plan:
 
 
 def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
-    """Return the scenarios that the options select.
+    """Return the scenarios that the command-line options select.
 
     Scenarios of a battery (named list of scenarios) are left out if the chosen hardware or simulator does not support
     them.
@@ -218,7 +218,7 @@ def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot
         robot: Robot of the run.
 
     Returns:
-        The remaining elements of `selected`.
+        The elements of `selected` that have not been removed.
     """
     untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
@@ -249,7 +249,7 @@ def _check_distinct(labels: list[str]) -> None:
 
 
 def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: list[str]) -> None:
-    """Check that policies are restricted only to scenarios that the run has.
+    """Check that each scenario to which a policy is restricted (`NAME@SCENARIO`) is in the run.
 
     Args:
         selected: For each policy its label, and the names of the scenarios that it is restricted to.

@@ -105,7 +105,7 @@ class ReplayTarget:
 def main(options: ReplayOptions) -> int:
     """Simulate the episode in the `options` again, or list failed episodes; return the exit code.
 
-    The exit code is 0, or DIFFERS if the repeated simulation differs from the stored episode.
+    The exit code is 0, or DIFFERS (1) if the repeated simulation differs from the stored episode.
     """
     run = read_run(options.results)
     if options.failed:
@@ -132,7 +132,7 @@ def main(options: ReplayOptions) -> int:
 
 
 def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
-    """Film the episode into each file, and print the path of the file.
+    """Film an episode, write each requested film or page, and print the path of each file.
 
     Args:
         outputs: Films and pages to write.
@@ -295,8 +295,8 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
     """Compare the measures of a stored episode with the measures of its repetition.
 
     Args:
-        run: Run in the results folder. Measures that its file lacks, and measures of extensions that are not installed,
-            are not compared.
+        run: Run in the results folder. A measure is not compared if the file of the run lacks it, or if its extension
+            is not installed.
         target: Stored episode.
         result: Measures of the episode that was simulated again.
 
