@@ -1,4 +1,4 @@
-"""Interactive session, in which a user steers and pushes one simulated robot during an episode.
+"""Simulates one robot in an interactive session, in which a user steers and pushes the robot during an episode.
 
 The live view and the ROS interface use sessions.
 """

@@ -189,7 +189,8 @@ class TrainConfig:
     """bounded: corrections are clipped to --joint-authority and --hip-authority; scaled: corrections are not clipped,
     and the authorities are only the unit of the network's output."""
     clock_phase: Literal["zero", "random"] = "zero"
-    """Phase of the clock, --inputs.clock, at the start of a training episode: zero, or drawn at random."""
+    """Phase of the network's clock input, --inputs.clock, at the start of a training episode: zero, or drawn at
+    random."""
     inputs: Inputs = HISTORY_INPUTS
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Give the network a height scan of the ground around the robot, see --scan."""

@@ -74,14 +74,14 @@ class BaseGroup:
 
     @property
     def clock_phase(self) -> NDArray[np.float64]:
-        """Phase of the additional clock of each robot, see `Inputs.clock`, at the latest observation, (k,), rad."""
+        """Phase of the clock that the learner observes, see `Inputs.clock`, for each robot of the group, (k,), rad."""
         return self._feature_extractor.clock_phase
 
     def reset(self, clock_phase: NDArray[np.float64]) -> None:
         """Reset the base policy and the history of the features for all robots of the group.
 
-        `clock_phase`, (k,), rad, is the phase of the additional clock, see `Inputs.clock`, at the start of the
-        episodes.
+        `clock_phase`, (k,), rad, is the phase of the clock that the learner observes, `Inputs.clock`, at the start of
+        the episodes.
         """
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
@@ -104,7 +104,8 @@ class BaseGroup:
         Args:
             mask: True for robots that begin an episode. The mask covers all n robots of the environment, (n,).
             observation: Observation of all n robots of the environment, (n, m), with m numbers per robot.
-            clock_phase: Phase of the additional clock of each of the j restarted robots of the group, (j,), rad.
+            clock_phase: Phase of the clock that the learner observes, `Inputs.clock`, for each of the j restarted
+                robots of the group, (j,), rad.
         """
         group_mask = mask[self.rows]
         if not group_mask.any():
@@ -179,7 +180,7 @@ class ResidualVectorEnv(
         self._random_clock_phase = random_clock_phase
         self._phase_generator = np.random.default_rng(0)
         self._leg_offsets = 2.0 * np.pi * np.array(robot.in_leg_order(TROT_OFFSETS))
-        """Phase of the gait cycle of each leg minus the phase of the additional clock, (4,), rad."""
+        """Phase of each leg in the gait minus the phase of the clock that the learner observes, (4,), rad."""
         limit = 1.0 if bounded else MAX_SCALED_CORRECTION
         self.single_observation_space = Box(-np.inf, np.inf, (self.bases[0].width,), np.float32)
         self.single_action_space = Box(-limit, limit, (robot.num_joints,), np.float32)
@@ -247,13 +248,16 @@ class ResidualVectorEnv(
         return self.env.step(apply_correction(robot, base_action, correction, self.authority, self._bounded))
 
     def _draw_phases(self, count: int) -> NDArray[np.float64]:
-        """Return the phase of the additional clock of `count` robots at the start of an episode, (count,), rad."""
+        """Return the start phase of the clock that the learner observes, for `count` robots, (count,), rad.
+
+        The phase is random if `random_clock_phase` is True, else 0.
+        """
         if not self._random_clock_phase:
             return np.zeros(count)
         return self._phase_generator.uniform(0.0, 2.0 * np.pi, count)
 
     def _set_leg_phases(self) -> None:
-        """Set the gait phase of each leg in all simulations, from the additional clock, if there is one.
+        """Set the gait phase of each leg in all simulations, from the clock that the learner observes, if there is one.
 
         The reward term `gait` compares the motion of the feet with these phases.
         """

@@ -73,7 +73,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
                 actions = resumed.actions if resumed else ()
                 callback = TrainingCallback(config, env, display, interrupt, state, actions)
                 # The third argument is a log interval that is longer than the run, which turns off SB3's own log.
-                # SB3's log has moving averages over steps before the last checkpoint, unknown to a resumed run.
+                # SB3's log is off, because a resumed run cannot repeat its moving averages over earlier steps.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 

@@ -225,8 +225,7 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
     """Return the sessions that the record file of a training run lists.
 
     A session is the part of a run that one process trains. Each dictionary has the first step of a session and the
-    package versions.
-    The list is empty if the file is missing or damaged.
+    package versions. The list is empty if the file is missing or damaged.
     """
     try:
         return list(json.loads(read_bytes(path))["sessions"])

@@ -263,7 +263,7 @@ def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
 
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
-    """Return the seeds of the episodes that all robots start at the beginning of a segment of a training run.
+    """Return the seeds of the episodes that all robots start at the beginning of a segment (part) of a training run.
 
     Args:
         config: Settings of the training run.

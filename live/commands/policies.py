@@ -65,5 +65,5 @@ def _training_lines(folder: Path) -> Iterator[str]:
         )
     except (policies.PolicyError, OSError) as error:
         yield str(error)
-    except (KeyError, TypeError, ValueError):  # raised if another program wrote other fields
+    except (KeyError, TypeError, ValueError):  # Another program may have written other fields.
         yield f"of unknown training: {bundle.DESCRIPTION} has none"

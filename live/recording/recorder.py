@@ -135,7 +135,7 @@ class McapRecorder:
         try:
             if not self._rows.closed:
                 self._rows.send(row)
-        except OSError:  # raised if the writer process has ended; `close` raises the error of that process
+        except OSError:  # The writer process has ended; `close` raises the error of the writer process.
             self.close()
 
     def close(self) -> None:

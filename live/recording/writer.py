@@ -38,7 +38,7 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
 
 def _write(rows: Connection, path: Path, schema: RecordingSchema) -> None:
     """Convert received rows to ROS 2 messages, and write the messages to the MCAP file `path`."""
-    # Imported here because the simulation process imports this module and does not need the message classes.
+    # The message classes are imported here, because the simulation process imports this module and does not need them.
     from live.recording.messages import McapFile, Messages
 
     messages = Messages(schema)

@@ -101,5 +101,5 @@ def _is_local(uri: str) -> bool:
     host = urlsplit(uri).hostname
     try:
         return host == "localhost" or ip_address(host or "").is_loopback
-    except ValueError:  # raised if the host is another name, which can be the name of another machine
+    except ValueError:  # The host is a name, possibly of another machine.
         return False

@@ -59,7 +59,7 @@ def main(version: str, joints: list[str]) -> None:
         return
     Node(link, transport, joints).run()
     transport.close()
-    os._exit(0)  # ends the process even if threads of ROS still run
+    os._exit(0)  # The process must end even if threads of ROS still run.
 
 
 def _transport(version: str) -> Any:
@@ -165,7 +165,7 @@ def _send_packet(link: socket.socket, packet: dict[str, Any]) -> None:
     """Send a packet as JSON to the simulation; end this process if the simulation has ended."""
     try:
         link.send(json.dumps(packet).encode())
-    except OSError:  # raised if the simulation has ended and closed its end of the socket
+    except OSError:  # The simulation has ended, and so its end of the socket is closed.
         os._exit(0)
 
 

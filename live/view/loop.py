@@ -37,7 +37,8 @@ class LiveView:
 
     Args:
         controller: Controller of the robots.
-        port: Port of the server, 0 for any free port. None for the default port, or any free port if that is in use.
+        port: Port of the server, 0 for any free port. None for the default port 8080, or any free port if 8080 is in
+            use.
 
     Attributes:
         server: Server of the web pages.

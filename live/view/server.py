@@ -118,7 +118,7 @@ class Server:
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
         """Let the server's thread call the function `call`; the result is ignored."""
-        with contextlib.suppress(RuntimeError):  # raised if the server's thread has ended
+        with contextlib.suppress(RuntimeError):  # The server's thread may have ended.
             self._loop.call_soon_threadsafe(call)
 
     async def _run(self) -> None:
@@ -152,7 +152,7 @@ class Server:
         try:
             path = urllib.parse.urlsplit(request.path).path
             refusal = _refusal(request)
-        except (ValueError, LookupError):  # raised for an invalid URL or a repeated header
+        except (ValueError, LookupError):  # The URL is invalid, or a header is repeated.
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")

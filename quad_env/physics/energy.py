@@ -90,7 +90,7 @@ class MotorMeter:
         before = self._speed_before
         after = self._speed[env_ids].copy()
         force = sum_foot_forces(self._touch, env_ids)
-        with np.errstate(all="ignore"):  # because a diverged robot may have values that are not finite
+        with np.errstate(all="ignore"):  # A diverged robot may have infinite or NaN values.
             torque = self._applied_torque(env_ids, after - before)
         self._samples.append(SubstepSample(before, after, torque, force))
         self._speed_before = after

@@ -182,7 +182,7 @@ def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = N
     sensors = contact_sensors(model, "trunk") if sensors is None else sensors
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
     stepping.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
-    # Set the home height, because `mj_setConst` reads it; `_compile_at_home_height` has left the height of the MJCF.
+    # `mj_setConst` must see the trunk at the home height, because `qpos0` has the height in the MJCF after compilation.
     stepping.qpos0[2] = stepping.key("home").qpos[2]
     stepping.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return stepping

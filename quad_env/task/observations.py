@@ -169,9 +169,9 @@ def _clipped_rows(
 
 
 observation_table = cache(ObservationTable)
-"""Function that returns the `ObservationTable` of a robot and further terms.
+"""Function that returns the `ObservationTable` of a robot, with terms that follow the built-in terms.
 
-The same arguments give the same object.
+The arguments are the robot and the terms. Equal arguments give the same object.
 """
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each observation term of the robot SimpleQuad -> slice of the observation vector."""

@@ -61,7 +61,7 @@ def run(words: list[str]) -> int:
         KeyboardInterrupt: After Ctrl-C. The message has the options that continue the run, if there is a checkpoint.
     """
     config = parse(words)
-    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
+    # The module is imported here, because the import of torch takes seconds, and --help must answer at once.
     from train.distillation.run import distil
 
     launcher.raise_on_interrupt()

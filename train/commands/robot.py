@@ -37,9 +37,12 @@ STUDENT = "student"
 RESIDUAL = "residual"
 """Name of the policy that the pipeline trains, and of its folder in the models folder of the robot."""
 COMPARED = {STUDENT: (STUDENT, "trot"), RESIDUAL: ("trot", "trot_feedback", RESIDUAL)}
-"""Learner -> names of the policies that are compared by default; a student is also compared with its teacher."""
+"""Learner, `student` or `residual` -> names of the policies that the pipeline compares by default.
+
+A student is also compared with its teacher.
+"""
 LEARNER_OPTIONS = {STUDENT: ("teacher", "labels"), RESIDUAL: ("base", "steps")}
-"""Learner -> names of the options that only this learner has."""
+"""Learner, `student` or `residual` -> names of the pipeline's options that only this learner has."""
 CHECK_FILE = "teacher.json"
 """Name of the JSON file in the output folder with the success rate of the teacher on flat ground.
 

@@ -68,7 +68,7 @@ def run(words: list[str]) -> int:
     if distil.is_requested(words):
         return distil.run(words)
     config = parse(words)
-    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
+    # The module is imported here, because the import of torch takes seconds, and --help must answer at once.
     from train.run import train
 
     launcher.raise_on_interrupt()

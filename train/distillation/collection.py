@@ -1,7 +1,7 @@
 """Collection of the labels of a distillation.
 
 Either the student or the teacher controls (drives) each simulated robot for a random time. In every control step, the
-teacher labels the state of each robot with the action that it would choose.
+teacher labels the state of each robot with the action that the teacher would choose.
 """
 
 from dataclasses import dataclass

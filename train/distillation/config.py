@@ -98,8 +98,9 @@ class DistillationConfig:
     drive_time: tuple[float, float] = dataclasses.field(default=(0.2, 1.5), metadata={"limits": (0.01, 100.0)})
     """Shortest and longest time for which teacher or student controls a robot before the next random choice, s."""
     noise: float = parameter(0.04, limits=(0.0, 10.0))
-    """Standard deviation of the noise on the joint targets in half of the times in which the teacher controls a robot:
-    servo torque as a fraction of robot weight x leg length."""
+    """Standard deviation of the noise on the joint targets, as change of the servo torque / (robot weight x leg
+    length).
+    The noise is added in half of the times in which the teacher controls a robot."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
     """Time before a fall from which no labels are used, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))

@@ -114,8 +114,8 @@ class TrainingCallback(BaseCallback):
         display: Progress display.
         interrupt: Shows whether the user has pressed Ctrl-C.
         state: State of the callback, which is updated in place.
-        actions: Actions of all robots in the unfinished segment of a resumed run, one array, (n, 12), per learner step.
-            The robots first repeat these actions. Empty for a new run.
+        actions: Actions of all n robots in the unfinished segment of a resumed run, one array, (n, 12), per learner
+            step. The robots first repeat these actions. Empty for a new run.
     """
 
     def __init__(
@@ -245,7 +245,10 @@ class TrainingCallback(BaseCallback):
             self._state.rate = rate.rate
 
     def _adjust_severities(self) -> None:
-        """Update the difficulty of each scenario from the command intervals that ended in the finished segment."""
+        """Update the difficulty of each scenario from the command intervals that ended in the finished segment.
+
+        All robots start new episodes at the start of a segment of the run.
+        """
         counted, tracked = self._robots.pop_interval_counts()
         if not counted.any():
             return
@@ -257,7 +260,7 @@ class TrainingCallback(BaseCallback):
     def _make_batches(self, begun: int) -> None:
         """Replace the vector environments of scenarios with a changed difficulty or effort weight.
 
-        The new values are for the segment that starts at learner step `begun`.
+        All robots then start new episodes. `begun` is the learner step at which these episodes start.
         """
         effort = effort_weight_scale(self._config, begun)
         settings = [(difficulty, effort) for difficulty in self._state.difficulties]

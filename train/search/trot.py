@@ -55,11 +55,16 @@ ratio is the achieved velocity divided by the commanded velocity."""
 MIN_INVERTIBLE_RESPONSE = 0.1
 """Smallest ratio of achieved to commanded velocity for which the command map of a trot is fitted.
 
+The command map converts a velocity command to the input of the gait.
+
 For a smaller ratio, the fitted command map would command very large steps."""
 MIN_INTERVALS = 6
-"""Smallest number of command intervals without a fall to which the linear response of a gait is fitted."""
+"""Smallest number of command intervals without a fall to which the linear response of a gait is fitted.
+
+A command interval is the time during which the velocity command is constant.
+"""
 MAP_ROUNDS = 3
-"""Number of successive fits of the command map of a trot.
+"""Number of successive fits of the command map (from velocity command to gait input) of a trot.
 
 Each fit measures the response of the gait with the command map of the previous fit."""
 ACCOUNT = "TROT.md"
@@ -111,7 +116,7 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def finalize(parameters: TrotParameters) -> tuple[str, str]:
-        """Fit the command map of the searched trot, and compare the trot with the start parameters.
+        """Fit the command map (from velocity command to gait input), and compare the trot with the start parameters.
 
         Returns the contents of the parameter file (JSON) and of the report (Markdown).
         """
@@ -175,9 +180,10 @@ def candidate_costs(
 ) -> Floats:
     """Compute the cost of each candidate of the trot search, averaged over all episodes and scenarios.
 
-    The command map of a candidate is fitted after the search. So the tracking error of an episode is not the difference
-    from the command, but from the velocity that the candidate's linear response predicts for the command. The response
-    is measured on the first scenario. A weak response has an extra cost.
+    The command map (from velocity command to gait input) of a candidate is fitted after the search. So the tracking
+    error of an episode is not the difference from the command, but from the velocity that the candidate's linear
+    response predicts for the command. The response is measured on the first scenario. A weak response has an extra
+    cost.
 
     Args:
         candidates: Parameters of each candidate.
@@ -245,7 +251,7 @@ def invert_command_response(parameters: TrotParameters, response: Floats) -> Tro
         response: Linear response of the gait, (4, 3), see `fit_command_response`.
 
     Returns:
-        The parameters with the new command map.
+        The parameters with the new command map, which converts a velocity command to the input of the gait.
     """
     return replace(
         parameters,
@@ -280,7 +286,7 @@ def try_invert_command_response(parameters: TrotParameters, response: Floats) ->
 
 
 def _keep_map(parameters: TrotParameters, reason: str) -> TrotParameters:
-    """Print the `reason` why the command map of a trot is not fitted, and return the parameters unchanged.
+    """Print the `reason` why the map from command to gait input is not fitted; return the parameters unchanged.
 
     The function raises no error, because an error would lose the result of a long search.
     """
