@@ -170,7 +170,7 @@ class MotorThermalModel:
         self._temperature_per_torque2 = thermal.resistance / curve.slope
         """Steady-state temperature rise of each motor's winding, divided by its squared torque, (12,), K/(N·m)²."""
         self._decay = math.exp(-timestep / thermal.time_constant)
-        """Factor with which a physics step reduces the difference of a winding from its steady-state temperature."""
+        """Factor on the difference between winding temperature and steady-state temperature per physics step."""
         self._force_range = force_range
         self.full_range = force_range.copy()
         """Lower and upper torque limits of each motor of n robots when the motor is cold, (n, 12, 2), N·m.

@@ -19,7 +19,7 @@ class Interrupt:
 
     In its `with` block, the first Ctrl-C sets `requested`, and the second Ctrl-C ends the process. A loop in the block
     calls `check` where it can stop. The end of the block raises KeyboardInterrupt if Ctrl-C was pressed and no
-    exception has left the block. A process that ignores Ctrl-C, such as a background job, continues to ignore it.
+    exception has left the block. A process that ignores Ctrl-C, such as a background job, continues to ignore Ctrl-C.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Command-line programs with several commands: they run the chosen command, and report errors in a line.
+"""Command-line programs with several commands: they run the chosen command and report an error as one line.
 
 A command is a module with a function `main(options)` that returns the exit code. The annotation of the parameter is a
 frozen dataclass; each field is an option, and --help shows the strings below the fields. `main` raises UserError or

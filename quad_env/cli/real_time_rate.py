@@ -53,6 +53,6 @@ class RealTimeRate:
             self._measured_since = self._clock()
 
     def resume(self) -> None:
-        """Make the next step due immediately, so that the loop does not catch up the steps of a pause."""
+        """Make the next step due immediately, so that the loop does not execute the steps that it missed in a pause."""
         self._due_time = self._measured_since = self._clock()
         self._step_count = 0

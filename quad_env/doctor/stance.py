@@ -1,4 +1,4 @@
-"""Stance test: a simulated robot holds its home pose for two seconds, then squats, and is measured."""
+"""Stance test: a simulated robot holds its home pose for two seconds and squats; the test measures both."""
 
 import math
 from dataclasses import dataclass

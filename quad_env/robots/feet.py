@@ -47,7 +47,7 @@ class FootThresholds:
     level: float = 1e-3
     """Largest distance between a geom and the ground at which the geom counts as touching it, m.
 
-    The ground is at the lowest point of all geoms of the link.
+    The ground is assumed to be at the lowest point of all geoms of the link.
     """
     short_level: float = 5e-3
     """Replacement of the threshold `level` for a geom that is too short for a shin, in poses with a tilted shin, m.

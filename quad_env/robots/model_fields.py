@@ -1,7 +1,8 @@
 """Lists of the fields of a user's compiled model, by the treatment of each field when the robot is imported.
 
-An import keeps a field, replaces it by SimpleQuad's value, or reports that the robot lacks it; other fields do not
-affect the motion. The lists are complete: a test fails if a field of MuJoCo is in no list or in two lists.
+The import of a robot keeps a field, replaces the field by SimpleQuad's value, or reports that the robot lacks the
+field. Other fields do not affect the motion. The lists are complete: a test fails if a field of MuJoCo is in no list or
+in two lists.
 """
 
 

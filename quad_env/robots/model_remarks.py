@@ -17,7 +17,7 @@ from quad_env.robots.structure import LINKS
 def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
     """Yield the lines of the command `describe` about an imported robot's feet, trunk and omitted parts.
 
-    Each line is a pair of heading and text.
+    Each line is a pair of heading and text, such as `feet` and the names of the foot geoms.
     """
     import mujoco
 

@@ -1,7 +1,7 @@
 """Report to the user about the parts and settings of the model file that the imported robot does not have.
 
 The module `model_fields` lists the treatment of every field of the model. The report is made before joints are locked
-and the user's scene is removed, because these steps delete tendons, equalities and motors.
+and the user's scene is removed, because both steps delete tendons, equality constraints and motors.
 """
 
 from collections.abc import Iterable, Iterator

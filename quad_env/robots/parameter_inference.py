@@ -49,7 +49,7 @@ _MIN_KNEE_CLEARANCE = 1e-3
 class GivenParameterError(ModelError):
     """Error about a parameter that the user has given, such as a home pose outside of the joint limits.
 
-    This error has its own class, so that the message can name the user's TOML file instead of the model file.
+    The error has its own class, so that the message can name the user's TOML file instead of the model file.
     """
 
 

@@ -22,7 +22,7 @@ MAX_TORQUE_RATIO = 2.5
 This ratio is 1.2 for SimpleQuad, and 0.2 to 0.6 for the robots of the installation extra `robots`.
 """
 MAX_PRINTED_RATIO = 1e6
-"""Largest ratio of rated torque to standing torque that a warning prints as a number.
+"""Largest ratio of the rated torque to the torque for standing that a warning prints as a number.
 
 For a larger ratio, the warning prints this number and "or more".
 """

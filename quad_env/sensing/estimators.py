@@ -22,7 +22,7 @@ def check_estimator(name: str, suite: SensorSuite | None) -> None:
         suite: Sensors of the robots; None if the observation is the true state.
 
     Raises:
-        ValueError: The name is unknown, or `suite` is None and the name is not the default.
+        ValueError: The name is unknown, or `suite` is None and the name is not `complementary`.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator {name!r}; valid: {', '.join(ESTIMATORS)}")

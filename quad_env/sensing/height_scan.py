@@ -111,7 +111,7 @@ class Scanner:
         control_rate: Control rate, Hz.
         latency: Delay that the scenario adds, s.
         noise: Standard deviation of the noise that the scenario adds, m.
-        is_lost: True if the scan is lost, so that every point reads `UNSEEN`.
+        is_lost: True if the scan is lost: every point then reads `UNSEEN`, -2 m.
     """
 
     def __init__(

@@ -54,15 +54,16 @@ class KalmanParameters:
     """
 
     gyro_interpolation_noise: float = 0.35
-    """Standard deviation of the mean angular velocity in a control period, as a fraction of the gyroscope's change.
+    """Error of the mean angular velocity in a control period, as a fraction of the gyroscope's change.
 
-    The change is the difference between the gyroscope readings at the end and at the start of the control period.
-    A larger value makes the filter trust the attitude less while the angular velocity of the trunk changes.
+    The error is a standard deviation. The change is the difference between the gyroscope readings at the end and at the
+    start of the control period. A larger value makes the filter trust the attitude less while the angular velocity of
+    the trunk changes.
     """
     accelerometer_scale_noise: float = 0.01
-    """Standard deviation of the accelerometer reading, as a fraction of the trunk's acceleration.
+    """Standard deviation of the accelerometer's error, as a fraction of the trunk's acceleration.
 
-    This noise covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value
+    The error covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value
     makes the filter trust the accelerometer less during hard impacts.
     """
     lever_arm_noise_gain: float = 0.5
@@ -560,8 +561,8 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
     """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m².
 
     `probability` is the contact probability of each foot of k robots, (k, 4). `innovation` is the measured minus the
-    predicted foot position, (k, 4, 3), m. `expected` is the covariance of the innovation for a foot in contact, (k, 4,
-    3, 3), m². `vertical` is the projection matrix onto the vertical, (k, 1, 3, 3). All vectors and matrices are in the
+    predicted foot position, (k, 4, 3), m. `expected`, (k, 4, 3, 3), m², is the covariance of the innovation for a foot
+    in contact. `vertical` is the projection matrix onto the vertical, (k, 1, 3, 3). All vectors and matrices are in the
     base frame. `dt` is the control period, s.
     """
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
