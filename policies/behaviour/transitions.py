@@ -101,7 +101,7 @@ _NEVER = 2**62
 
 @cache
 def _limit_ticks(control_period: float) -> NDArray[np.int64]:
-    """Return, for each `State`, the number of control steps after which the condition `late` holds, (states,)."""
+    """Return the number of control steps in each `State` after which the condition `late` holds, (6,)."""
     return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
 
 

@@ -187,7 +187,7 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """Return the `parameters` of a gait as an array, (len(NAMES),), with the elements in the order of `NAMES`."""
+    """Return the `parameters` of a gait as an array, (len(NAMES),), in the order of `NAMES`."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
