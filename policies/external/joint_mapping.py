@@ -84,12 +84,12 @@ def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
 
 
 def map_action_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Return the mapping from the joints of `spec`, in the order of its actions, to the joints of `robot`."""
+    """Return the mapping from a policy's joints, in the order of the actions in `spec`, to a robot's joints."""
     return _map_spec_joints(spec.joints, spec, robot)
 
 
 def map_observed_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Return the mapping from the joints of `spec`, in the observed order, to the joints of `robot`."""
+    """Return the mapping from a policy's joints, in the observed order in `spec`, to a robot's joints."""
     return _map_spec_joints(spec.observed_joints or spec.joints, spec, robot)
 
 

@@ -255,7 +255,7 @@ def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
 
 
 def _grid_points(grid: HeightGrid) -> Floats:
-    """Return the coordinates (x, y) of a grid's p points, heading frame, in observed order, (p, 2), m."""
+    """Return the coordinates (x, y) of a grid's p points, heading frame (yaw only), in observed order, (p, 2), m."""
     x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
     return np.stack((x.ravel(), y.ravel()), axis=1)
 

@@ -59,7 +59,7 @@ _DIRECTION_WORDS = frozenset(
         "updated",
     )
 )
-"""Words that distinguish the name of an input (recurrent state) from the name of its output (update)."""
+"""Words that distinguish the names of a recurrent state's input and output, such as `h_in` and `h_out`."""
 _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
 """Pattern of names such as `h0` (input: recurrent state) and `hn` (output: its update).
 

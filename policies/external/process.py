@@ -50,9 +50,9 @@ KILL_GRACE_PERIOD = 2.0
 If the subprocess is killed, the episodes of all robots that the policy controls fail.
 """
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
-"""Name of the environment variable with a time, s, that replaces START_TIMEOUT."""
+"""Name of the environment variable that replaces START_TIMEOUT, the maximum time to load a policy, s."""
 ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
-"""Name of the environment variable with a time, s, that replaces ACT_DEADLINE."""
+"""Name of the environment variable that replaces ACT_DEADLINE, the maximum time of one call of the policy, s."""
 
 
 class DeadlineMissedError(RuntimeError):

@@ -58,7 +58,7 @@ def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], 
     """Return the function that normalises an observation with the model's statistics (VecNormalize).
 
     The function is the identity if the model has no statistics file. Raises PolicyError if the statistics file is
-    invalid, or if its shape differs from the shape of `space`, the model's observation space.
+    invalid, or if a normalised observation has another shape than `space`, the model's observation space.
     """
     if reference.normaliser is None:
         return _identity

@@ -259,7 +259,7 @@ class PolicySpec(_CheckedSpec):
     the robot file equals this value. None: the offset is zero for all joints. See `signs` for the formula.
     """
     remarks: tuple[str, ...] = field(default=(), compare=False)
-    """Assumptions that a reader made because the deployment file is incomplete, one line each."""
+    """Assumptions made when the policy's deployment file was read, because it is incomplete, one line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

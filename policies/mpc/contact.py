@@ -225,7 +225,7 @@ class ContactEstimator(PerRobotState):
         """Estimate the contact forces and the unexplained wrench, and update contacts and encoder offsets.
 
         Args:
-            motion: State of n robots at the time of the readings, with the joint targets that led to it.
+            motion: State of n robots at the time of the readings, with the joint targets that led to this state.
             in_mid_swing: True for feet in mid-swing, (n, 4); they count as not in contact.
 
         Returns:

@@ -39,9 +39,9 @@ class DelayEstimatorParameters:
     The fraction refers to the mean squared error of the present delay minus the variance of the sensor noise. A smaller
     reduction does not change the estimated delay."""
     noise_fraction: float = 0.1
-    """Additional reduction of the squared prediction error that a new delay must give.
+    """Additional reduction of the squared prediction error, as a fraction of the noise variance of the joint speeds.
 
-    It is a fraction of the noise variance of the joint speeds, and is added to the reduction by `min_improvement`."""
+    A new delay must reduce the squared prediction error by this amount and the amount of `min_improvement` together."""
     model_error: float = 0.05
     """Mean squared error of the predicted joint speeds that model errors cause even at the true delay, rad²/s²."""
     samples_without_error: int = 2

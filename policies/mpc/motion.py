@@ -77,7 +77,9 @@ class PositionErrorIntegrator(PerRobotState):
     """
 
     position_error: Floats = per_robot(np.zeros(3))
-    """Integrated velocity error, heading frame, (n, 3): forward and lateral position error, m, and yaw error, rad."""
+    """Integrated velocity error (commanded minus actual velocity), heading frame (yaw only), (n, 3).
+
+    The numbers are forward and lateral position error, m, and yaw error, rad."""
     _command: Floats = per_robot(np.zeros(3))
     """Velocity command of the last control step, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s."""
 

@@ -119,7 +119,7 @@ class DelayCompensator(PerRobotState):
                 centre, base frame, N·m.
 
         Returns:
-            State of n robots at the time of the readings, with the joint targets that led to it.
+            State of n robots at the time of the readings, with the joint targets that led to this state.
         """
         self._observation = observation.astype(np.float64)
         # The last joint targets are read from the observation, because a residual policy or the safety layer may have

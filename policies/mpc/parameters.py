@@ -1,4 +1,4 @@
-"""Parameters of the model-predictive controllers."""
+"""Parameters of the model-predictive controllers: dataclasses with default values, and the parameters of each gait."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,8 +44,8 @@ class ModelParameters(Parameters):
     position_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/s")
     """Gain of the position feedback, 1/s.
 
-    The feedback adds this gain times the position error, m, to the velocity command. It also adds this gain times the
-    yaw error, rad, to the yaw-rate command."""
+    The feedback adds this gain times the position error, m, to the velocity command, and this gain times the yaw error,
+    rad, to the yaw-rate command. The errors are integrals of commanded minus actual velocity and yaw rate."""
     farthest_behind: float = parameter(0.6, limits=(0.0, 100.0), search=(0.1, 3.0), unit="m")
     """Bound of the forward and lateral position error in the position feedback, m; also of the yaw error, rad.
 

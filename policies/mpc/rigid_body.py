@@ -31,7 +31,7 @@ LEGS = 4
 MAX_GROUP_SIZE = 32
 """Largest number of robots in one batch of quadratic programs.
 
-It is limited so that the matrices of a batch fit into a processor cache."""
+The number is limited so that the matrices of a batch fit into a processor cache."""
 _EYE = np.eye(3)
 _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 """Acceleration of gravity as a positive number on the z axis, (6,): angular (zero), rad/s², then linear, m/s².
@@ -65,7 +65,7 @@ class RigidBodyState(NamedTuple):
 
 
 class MpcWeights(NamedTuple):
-    """Weights of the quadratic cost of the MPC."""
+    """Weights of the quadratic cost of the MPC, which penalises errors of pose and velocity and uneven forces."""
 
     pose: Floats
     """Weights of the squared pose errors in the cost, (6,): roll, pitch, yaw, 1/rad², then position x, y, z, 1/m²."""

@@ -8,7 +8,7 @@ in Isaac Lab with PhysX are in breadth-first order, grouped by kind: hips, thigh
 from collections.abc import Iterable
 
 JointNames = tuple[str, ...]
-"""Joint names of a robot; their order is an order of its joints."""
+"""Joint names of a robot, in the order of the joints in a file or a program."""
 
 FAMILIES: dict[str, tuple[str, str]] = {
     "go1 go2 a1 b1 b2 aliengo unitree": ("FL FR RL RR", "hip_joint thigh_joint calf_joint"),

@@ -118,7 +118,7 @@ def _with_turned_signs(spec: PolicySpec, turns: Floats) -> PolicySpec:
 
 
 def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with default position and action offset multiplied by `turns`, ±1, (12,)."""
+    """Return the specification with default position and action offset multiplied by `turns`, 1 or -1, (12,)."""
     offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
     default_position = tuple((turns * spec.default_position + 0.0).tolist())
     return replace(spec, default_position=default_position, action_offset=offset)

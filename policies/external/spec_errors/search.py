@@ -18,9 +18,9 @@ def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Corr
     Args:
         spec: Specification that may have an error.
         robot: Robot that the policy moves.
-        count: Number of errors that one correction corrects. 1: each of COMMON_ERRORS is corrected alone. More than 1:
-            this number of errors in the order of the joints is corrected together. This is useful because the joint
-            orders of Isaac Lab and Unitree differ by several errors.
+        count: Number of errors that one correction corrects. With 1, each common error (COMMON_ERRORS) is corrected
+            alone. With more than 1, this number of errors in the order of the joints is corrected together, because
+            the joint orders of Isaac Lab and Unitree differ by several errors.
 
     Yields:
         Correction with its penalty.
