@@ -62,9 +62,9 @@ class FuzzOptions:
     format: Annotated[str, tyro.conf.Positional]
     """Name of a file format, as `python -m research fuzz list` prints it, or `all` for all formats."""
     minutes: float = 1.0
-    """Duration of the test of each format, min, at least 0.01."""
+    """Duration of the test of each file format, min, at least 0.01."""
     cases: int = 0
-    """Number of cases (mutated files) of each format; 0: only --minutes limits the test."""
+    """Number of cases (mutated files) of each file format; 0 if only --minutes limits the test."""
     first: int = 0
     """Number of the first case, a whole number >= 0."""
     seed: int = 0

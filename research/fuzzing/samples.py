@@ -1,4 +1,4 @@
-"""Constants with valid contents of settings files, which the fuzz test of the file readers changes."""
+"""Constants with valid contents of settings files; the fuzz test reads copies with random changes."""
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _KINDS = ("hip_joint", "thigh_joint", "calf_joint")

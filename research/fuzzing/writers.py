@@ -154,7 +154,7 @@ def write_onnx(folder: Path, rng: Rng) -> Path:
 def _write_content(content: bytes, file: Path, rng: Rng) -> Path:
     """Write `content` into `file`, in some cases with random changes of its bytes, and return `file`.
 
-    The probability of these changes is BYTES_SHARE. `rng` is the random generator.
+    The probability of these changes is 0.2 (BYTES_SHARE). `rng` is the random generator.
     """
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < BYTES_SHARE else content)
     return file

@@ -181,7 +181,8 @@ def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:
 def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
     """Return the caption of the table in `overview_lines`.
 
-    `results` is the content of results.json; `effort_note` is the text about the effort columns.
+    `results` is the content of results.json; `effort_note` is a text about the columns with measures of
+    effort, for example the cost of transport; it is empty if the table has no effort columns.
     """
     count = with_count(results["episodes"], "episode")
     axes = len(scores_of(results)[0].axes)

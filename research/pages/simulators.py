@@ -43,7 +43,7 @@ class SimulatorsOptions:
     page: Path | None = None
     """Markdown file; the table is written between <!-- simulators --> and <!-- /simulators -->."""
     table: Path | None = None
-    """CSV file for the compared values."""
+    """CSV file for the compared velocity errors, numbers of falls and costs of transport."""
 
 
 def main(options: SimulatorsOptions) -> int:

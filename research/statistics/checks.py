@@ -25,12 +25,14 @@ from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpi
 COVERAGE_BOUNDS = (0.93, 0.97)
 """Lower and upper bound of the coverage of 95 % intervals.
 
-The coverage is the fraction of the intervals that contain the true value.
+The coverage is the fraction of the intervals that contain the true value. The command `calibration` reports each check
+with a coverage outside of these bounds.
 """
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
 """Lower and upper bound of the type I error rate of tests at the 5 % level.
 
-The type I error rate is the fraction of significant tests if the compared policies do not differ.
+The type I error rate is the fraction of significant tests if the compared policies do not differ. The command
+`calibration` reports each check with a rate outside of these bounds.
 """
 DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 """Lower and upper bound of the type I error rate of tests of counts, for example of numbers of falls.

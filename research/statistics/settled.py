@@ -26,8 +26,8 @@ VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57
 """Source of the variance of an episode's outcome -> fraction of the variance; the sum is 1.
 
 A part of the randomness is common to all policies and scenarios of an episode (`episode`). Other parts are common to
-all policies on one scenario (`scenario`), or to all scenarios of one policy (`policy`). The rest is independent
-(`own`)."""
+all policies on one scenario (`scenario`), or to all scenarios of one policy (`policy`). The rest of the
+randomness is independent (`own`)."""
 EASIEST_SUCCESS = 0.9
 """True success rate of the worst policy on the easiest scenario.
 

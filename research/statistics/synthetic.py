@@ -1,10 +1,9 @@
 """Synthetic episodes with known fall probability and mean error, to calibrate intervals and tests.
 
-A policy falls with a given probability. The velocity error of an episode without a fall has the distribution
-Gamma(6) · 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of an
+A policy falls with a given probability. The velocity error of an episode without a fall has a gamma distribution with
+the shape 6 and the scale 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of an
 episode with a fall is t times a random error of this gamma distribution, plus (1 - t) times the error after a fall,
-2 m/s. The resulting distribution is skewed and
-has two modes.
+2 m/s. The resulting distribution is skewed and has two modes.
 """
 
 from dataclasses import dataclass
@@ -117,7 +116,7 @@ class SyntheticAxis:
 
     @property
     def breaking_point(self) -> float:
-        """True breaking point: severity at which half of all episodes fall."""
+        """True breaking point: severity at which the robot falls in half of all episodes."""
         from scipy.optimize import brentq
 
         ends = np.log((min(self.severities) / 10.0, max(self.severities) * 10.0))

@@ -48,7 +48,7 @@ class CausesOptions:
     run: Path = Path("results/evaluation")
     """Folder of the evaluation from which --films takes the failed episodes."""
     count: int = 30
-    """Number of images of failed episodes."""
+    """Number of images of failed episodes that --films draws."""
     reading: Path | None = None
     """CSV file with the causes that a person sees in the images, columns `film` and `cause`."""
     key: Path = Path("key.csv")

@@ -61,7 +61,7 @@ PUSHES = "pushes"
 The part is between the lines `<!-- pushes -->` and `<!-- /pushes -->`.
 """
 ROBOTS = ("simple_quad", "go1", "go2")
-"""Names of the robots for which the errors after pushes are measured."""
+"""Names of the robots for which the velocity errors before and after pushes are measured."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
 """Time windows in which errors are averaged: (start, end), control steps of 10 ms.
 
@@ -76,13 +76,13 @@ class EstimationOptions:
     """Options of the command `estimation`, which measures the errors of the state estimators."""
 
     table: Literal["walks", "pushes"] = "walks"
-    """Measured errors: on undisturbed walks, or after pushes of 35 N·s scaled to the robot."""
+    """walks: errors on undisturbed walks; pushes: errors after pushes of 35 N·s, scaled to the robot."""
     policy: str = "trot"
     """Name or folder of the policy that walks, as for python -m evaluate."""
     sensors: str = "typical"
     """Sensors on undisturbed walks, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
-    """Number of episodes of 10 s for each row of the table."""
+    """Number of episodes of 10 s for each estimator on each scenario or robot."""
     seed: int = 0
     """Seed of the episodes, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "validation"

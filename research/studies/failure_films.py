@@ -45,13 +45,13 @@ def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> s
 
     Args:
         record: Signals of the failed episode.
-        measures: Measures of the failed episode.
+        measures: Measures of the failed episode, for example its velocity errors.
         earlier: Additional time before a fall, s. The caller varies it, so that the length of the strip does not reveal
             the onset of the fall.
 
     Returns:
-        Control steps before and during the fall. If there is no fall, the control steps of the interval of constant
-        command in which the robot tracks the command worst.
+        Range of control steps that begins before the fall and ends with the fall. If there is no fall, the range is the
+        interval of constant command in which the robot tracks the command worst.
     """
     if not record.fell:
         return record.episodes.intervals.settled[worst_interval(measures, record.number)]

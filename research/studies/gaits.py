@@ -59,11 +59,11 @@ FRAME_STRIDE = 3
 FRAMES = 8
 """Number of frames that show one stride in the picture of a walk."""
 SIZE = (400, 300)
-"""Width and height of a frame as it is rendered, before it is cropped and reduced, pixels."""
+"""Width and height of a rendered frame before the frame is cropped and reduced, pixels."""
 SKY = 50
 """Height of the sky, which is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
-"""Divisor of width and height of a rendered frame for the README's film of several walks."""
+"""Divisor that reduces width and height of a rendered frame for the README's film of several walks."""
 SMALL = (160, 100)
 """Width and height of a frame in the picture and the film of a single walk, pixels."""
 QUALITY = 20
@@ -81,7 +81,7 @@ The film is written only if the pages name all of these walks.
 COLUMNS = 4
 """Number of walks side by side in the README's film of several walks."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
-"""Names of the gait and effort measures in the tables of walks that the command writes into pages."""
+"""Names of the gait and effort measures in the tables that the command `gaits` writes into pages."""
 Key = tuple[str, str]
 """Type of the key of a walk: (name of the robot, name of the policy), as a page names the walk.
 
@@ -90,7 +90,7 @@ The name of the policy is POLICY or POLICY@SCENARIO.
 PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
 """Regular expression for the text between `<!-- gaits` and `<!-- /gaits -->` in a page.
 
-Its groups are the name of the robot, the names of the policies, and the end of the first line.
+The groups of a match are the name of the robot, the names of the policies, and the end of the first line.
 """
 
 

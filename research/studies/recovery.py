@@ -33,7 +33,7 @@ The limit applies to each component of linear velocity, m/s, and angular velocit
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
 """Scenario in which the robots start in a random pose on flat ground, as after a fall."""
 TIME_ALLOWED = 5.0
-"""Time within which a robot must stand up to count as recovered, s."""
+"""Time from the start of the episode within which a robot must stand up to count as recovered, s."""
 WATCHED = 6.0
 """Duration of an episode, s.
 
@@ -42,7 +42,7 @@ The episode is longer than TIME_ALLOWED, so that a robot that stands up and fall
 
 @dataclass(frozen=True)
 class RecoveryResult:
-    """Result of the recoveries of n robots, made by `run_recovery`."""
+    """Result of n robots that try to stand up from random poses, made by `run_recovery`."""
 
     standing_since: Floats
     """Time from which each robot stands without a break until the end of the episode, (n,), s.

@@ -66,13 +66,13 @@ class PublishOptions:
     policy: str = "residual"
     """Kind of the policy that is shipped: residual or end-to-end."""
     scenarios: tuple[str, ...] | None = None
-    """Scenarios of the evaluation; by default each disturbance, where robots begin to fail."""
+    """Evaluated scenarios; by default each kind of disturbance, so severe that robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
     """Number of episodes of each policy on each scenario."""
     seed: int = parameter(0, limits=(0, 2**63 - 1))
     """Seed of the evaluation episodes."""
     out: Path = Path("results/publish")
-    """Folder of the evaluation and its report."""
+    """Folder to which the evaluation of the policies and its report are written."""
     resume: Flag = False
     """Continue an interrupted evaluation in the folder --out."""
     threads: int = parameter(available_cores(), limits=(1, 256))

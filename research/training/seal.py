@@ -1,7 +1,8 @@
 """Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them.
 
-The description is the file `policy.json` in the folder of the policy. The digest is the SHA-256 hash of the file's
-content; older files have no digest. `policies.load` refuses a file with a digest if its content was changed later.
+The description is the file `policy.json` in the folder of the policy. The digest is the SHA-256 hash of all other
+fields of the file; older files have no digest. `policies.load` refuses a file with a digest if its content was changed
+later.
 """
 
 import json
@@ -41,7 +42,7 @@ def main(options: SealOptions) -> int:
 
 
 def seal(folder: Path) -> str:
-    """Add a digest to policy.json, the description of a trained policy: the SHA-256 hash of the content.
+    """Add a digest (SHA-256 hash of all other fields) to policy.json, a trained policy's description.
 
     Args:
         folder: Folder of the trained policy.
