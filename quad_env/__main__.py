@@ -7,10 +7,12 @@ import sys
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # The user may press Ctrl-C during the next imports.
+# Ctrl-C is handled from here on, because the user may press it during the next imports.
+if __name__ == "__main__":
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
-        sys.path.insert(0, str(launcher.ROOT))  # A user's `evaluate.py` must not be imported.
+        # The project comes first in the import path, because the user's folder may contain a file `evaluate.py`.
+        sys.path.insert(0, str(launcher.ROOT))
 
 from quad_env.cli.program import Command, Program
 

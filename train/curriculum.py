@@ -155,6 +155,8 @@ def update_difficulties(
 ) -> list[float]:
     """Compute new difficulties of the scenarios: higher if most commands were tracked, lower if few were tracked.
 
+    A command interval is the time during which the velocity command of a robot is constant.
+
     Args:
         difficulties: Difficulty of each of the s scenarios, from 0 to 1.
         counted: Number of command intervals of each scenario, (s,).

@@ -196,7 +196,7 @@ class ResidualVectorEnv(
             options: Options, passed to `env.reset`. A "reset_mask" is not allowed.
 
         Returns:
-            Features (inputs of the network of the learner) of all robots, (n, m), and infos.
+            Features (inputs of the network of the learner) of all robots, (n, m), with m features per robot; and infos.
 
         Raises:
             ValueError: `options` has a "reset_mask".
@@ -221,8 +221,8 @@ class ResidualVectorEnv(
             actions: Correction of each joint target, in units of `authority` of the joint, (n, 12).
 
         Returns:
-            Features (inputs of the network of the learner), (n, m); rewards, summed over the control steps, (n,); masks
-            of terminated and of truncated episodes, each (n,); and infos.
+            Features (inputs of the network of the learner), (n, m), with m features per robot; rewards, summed over the
+            control steps, (n,); masks of terminated and of truncated episodes, each (n,); and infos.
 
         Raises:
             ValueError: `actions` does not have the shape of `action_space`.
@@ -286,13 +286,13 @@ class ResidualVectorEnv(
         return _merge_infos(finished, reset_infos, infos) | ends | masks
 
     def _update_bases(self, observation: FloatArray) -> None:
-        """Update the base actions and features of all groups from the `observation` of all robots, (n, m)."""
+        """Update the base actions and features of all groups from `observation`, (n, m), m numbers per robot."""
         for group in self.bases:
             group.act(observation)
 
     @property
     def _features(self) -> FloatArray:
-        """Latest features of all robots, which are the observation of the learner, (n, m)."""
+        """Latest features of all n robots, which are the observation of the learner, (n, m), m features per robot."""
         return np.concatenate([group.features for group in self.bases])
 
 

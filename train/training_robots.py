@@ -127,8 +127,8 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def step(self, actions: FloatArray) -> Step:
         """Simulate one control step of all robots with joint targets `actions`, (n, 12), rad.
 
-        Returns the observation, (n, m); the rewards, (n,); the masks of terminated and of truncated episodes, each
-        (n,); and the infos.
+        Returns the observation, (n, m), with m numbers per robot; the rewards, (n,); the masks of terminated and of
+        truncated episodes, each (n,); and the infos.
         """
         batch_actions = [actions[part] for part in self._parts]
         map_batches = map if self._pool is None else self._pool.map
@@ -148,7 +148,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def true_observation(self, height_scan: HeightScan | None = None) -> FloatArray:
         """Return the observation of the true present state of all robots, without noise and delay, (n, m).
 
-        The m numbers per robot are explained in `SimpleQuadVectorEnv`.
+        `quad_env.SimpleQuadEnv` explains the m numbers per robot.
 
         Args:
             height_scan: Grid of a height scan to append; None for no scan.

@@ -156,7 +156,7 @@ class Server:
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        method = getattr(request, "method", "GET")  # Older versions of websockets accept only GET.
+        method = getattr(request, "method", "GET")  # Older websockets accept only GET and have no `method`.
         if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
             refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
             refused.headers["Allow"] = "GET, HEAD"

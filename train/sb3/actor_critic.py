@@ -105,7 +105,10 @@ class RunningNormalization(BaseFeaturesExtractor):
         return torch.sqrt(self.variance + MIN_STD**2)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return the n `observations`, (n, k), with all entries normalised except the privileged ones at the end."""
+        """Normalise all entries of n `observations` except the privileged ones at the end, and return the result.
+
+        The shape of `observations` and of the result is (n, k), with k entries per observation.
+        """
         seen, privileged = observations.tensor_split((self._seen,), dim=1)
         return torch.cat(((seen - self.mean) / self.std, privileged), dim=1)
 

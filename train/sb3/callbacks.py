@@ -137,8 +137,8 @@ class TrainingCallback(BaseCallback):
         self._bases = [make_base(config, hardware_profile) for hardware_profile in (False, True)]
         """Base policies that are saved in policy bundles: first without, then with the robot's hardware profile.
 
-        The constructor makes them, so that a parameter file that changes during the run has no effect on the
-        bundles."""
+        The hardware profile is the motors, delays and sensors of the real robot. The constructor makes the base
+        policies, so that a parameter file that changes during the run has no effect on the bundles."""
         self._robots = cast(MultiScenarioVectorEnv, env.env.unwrapped)
         self._batch_settings = [(config.curriculum, effort_weight_scale(config, 0))] * len(self._robots.batches)
         """For each training scenario: difficulty (0 to 1) and factor on the effort reward weights (0 to 1)."""
@@ -167,7 +167,8 @@ class TrainingCallback(BaseCallback):
     def _policy(self, hardware_profile: bool = False) -> ResidualPolicy:
         """Make the policy for a policy bundle: the actor without exploration noise, on a copy of the base policy.
 
-        `hardware_profile` selects the base policy for scenarios with the robot's hardware profile, see `make_base`.
+        If `hardware_profile` is True, the base policy is for scenarios with the robot's hardware profile (motors,
+        delays and sensors of the real robot).
         """
         config = self._config
         authority = cast(ResidualVectorEnv, self._env.env).authority

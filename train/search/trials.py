@@ -57,9 +57,10 @@ DEVIATION_COST = 0.1
 The cost is proportional to the largest error over the command intervals, see `MAX_DEVIATION`. A command interval is the
 time during which the velocity command is constant."""
 MAX_DEVIATION = 4.0
-"""Velocity error of a command interval at which its cost reaches `DEVIATION_COST`.
+"""Velocity error of a command interval at which the cost of the error reaches `DEVIATION_COST`.
 
-The error is a multiple of the tolerance in the success rule of the evaluator."""
+A command interval is the time during which the velocity command is constant. The error is a multiple of the tolerance
+in the success rule of the evaluator."""
 GRADES = {
     "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
     "overspeed": SaturatingCost(0.05, 0.0, 0.05),

@@ -79,8 +79,8 @@ class TrotSearchOptions(SearchOptions):
     """Policy with the searched parameters; trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
-    # The smallest valid number of episodes is MIN_INTERVALS // 2, because an episode has two command intervals.
-    # The fit of the linear response of the gait to velocity commands needs MIN_INTERVALS command intervals.
+    # The smallest valid number of episodes is MIN_INTERVALS // 2, because an episode has two command intervals, each
+    # with a constant command, and the fit of the gait's linear response needs MIN_INTERVALS command intervals.
     episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
     """Number of episodes per candidate, scenario and generation."""
     check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
