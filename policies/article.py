@@ -2,9 +2,9 @@
 
 The policy `document` is the printed controller, and `document_repaired` is the repaired controller. The robot collapses
 with the printed controller, which serves only as a demonstration. The printed controller has three errors. It measures
-the thigh angle from the +x axis, but the robot measures this angle from straight down. Its formula for the leg length
-ignores the lateral offset of the foot from the hip. Its stance phase starts half a step length behind the end of the
-swing phase.
+the thigh angle from the +x axis, but the robot measures this angle from straight down. The printed formula for the leg
+length ignores the lateral offset of the foot from the hip. The printed stance phase starts half a step length behind
+the end of the swing phase.
 """
 
 from dataclasses import dataclass
@@ -130,7 +130,7 @@ class DocumentRepaired(Document):
     blend_time = 0.5
     """Duration of the transition from the home pose to the gait at the start of an episode, s.
 
-    It is the duration of one gait cycle."""
+    The transition takes as long as one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
         """Return the joint targets at a `phase` of the gait clock, (...), rad.

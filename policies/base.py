@@ -54,7 +54,8 @@ class Policy(ABC):
     """Base class of controllers: a policy controls a batch of n robots of one type at one control period.
 
     A subclass implements `_act`. The policy has a separate state for each robot of the batch. The actions for a robot
-    depend only on the observations and resets of this robot. They are identical, bit for bit, for every batch size.
+    depend only on the observations and resets of this robot. The actions are identical, bit for bit, for every batch
+    size.
 
     Args:
         robot: Robot or its name. The attribute `robot` of the policy is this robot with the servo gains that the policy
@@ -150,9 +151,9 @@ class Policy(ABC):
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Copy the per-robot state of another policy to some robots of this policy.
 
-        The training of residual policies uses this method: when some robots start a new episode, it copies the state of
-        a freshly reset base policy to them. The state of a policy inside this policy, for example inside `Safe`, is not
-        copied.
+        The training of residual policies uses this method: when some robots start a new episode, they get the state of
+        a base policy that was reset for them. The state of a policy inside this policy, for example inside `Safe`, is
+        not copied.
 
         Args:
             mask: True for the robots of this policy that receive a state, (n,) bool.
@@ -227,8 +228,8 @@ class Policy(ABC):
 class GaitedPolicy(Policy):
     """Base class of policies with a gait clock for each robot.
 
-    A gait clock starts at phase 0 in each episode. It advances by one control period before each action, also before
-    the first action.
+    A gait clock is a phase that increases by 2π in each gait cycle. The clock starts at phase 0 in each episode. It
+    advances by one control period before each action, also before the first action.
     """
 
     frequency: float

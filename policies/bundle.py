@@ -86,13 +86,14 @@ def load(
 ) -> ResidualPolicy:
     """Load the trained policy in a policy bundle.
 
-    The policy commands the servo gains that it was trained with. Raises PolicyError if a file is missing or damaged, if
-    it does not fit this version of the project or the robot, or if a given robot has other servo gains.
+    The policy commands the servo gains that it was trained with. Raises PolicyError if a file is missing or damaged, or
+    does not fit this version of the project. Raises PolicyError also if the bundle does not fit the argument `robot` or
+    its servo gains.
 
     Args:
         path: Folder of a policy bundle or of a training run. For a training run, the bundle with the best validation
             result is loaded.
-        robot: Robot of the policy, or its name. None for the robot that the bundle names; it must then be one of
+        robot: Robot of the policy, or its name. None for the robot that the bundle names; this robot must be one of
             `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
         actuator: Actuator model of the joints; used by a model-based base policy.

@@ -47,7 +47,8 @@ _REMOVED_FIELDS = {
 }
 """Name of each removed field of `policy.json` -> the only value of this field that this version accepts.
 
-Older versions of the project wrote these fields. With the accepted value, the removed feature was not used."""
+Older versions of the project wrote these fields. With the accepted value, a policy does not use the feature that was
+removed."""
 _MAX_WEIGHT = 1e6
 """Largest absolute value of a network weight or bias that is accepted in a policy bundle."""
 
@@ -223,8 +224,8 @@ def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan
     """Raise ValueError if a policy was trained in another environment or on another model of the robot.
 
     The name of the environment, the joint names, and the layout and the scales of the observation must be the same. If
-    the `description` has the SHA-256 of the robot model, this must also be the same. `scan` is the height scan of the
-    base policy.
+    the `description` has the SHA-256 of the robot model, the SHA-256 must also be the same. `scan` is the height scan
+    of the base policy.
     """
     for name, expected in _environment_fields(robot, scan).items():
         if (actual := getattr(description, name)) != expected:
@@ -257,7 +258,7 @@ def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None)
 
 
 def _robot_by_name(folder: Path, name: str) -> Robot:
-    """Return the built-in robot called `name`. Raises PolicyError if there is none."""
+    """Return the built-in robot called `name`. Raises PolicyError if no robot has this name."""
     if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:

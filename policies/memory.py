@@ -34,9 +34,9 @@ def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
     """Declare a state array of a `Policy` or a `PerRobotState` with an axis over the robots.
 
     Args:
-        initial: Initial value for one robot. It defines the type of the array and its shape for one robot. If it is a
-            function, it is called with the object at each reset and returns the value. If it is omitted, the
-            constructor of the object passes the value to `initialize_state`.
+        initial: Initial value for one robot. The value defines the type of the array and its shape for one robot. If
+            the argument is a function, it is called with the object at each reset, and returns the value. If the
+            argument is omitted, the constructor of the object passes the value to `initialize_state`.
         axis: Index of the array axis that runs over the robots.
 
     Returns:
@@ -48,10 +48,10 @@ def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
 class PerRobotState:
     """Base class of objects with a separate state for each robot of a batch.
 
-    A subclass declares its state arrays with `per_robot`. It calls this constructor at the end of its own constructor.
-    If an attribute of the object is itself a `PerRobotState`, this attribute is allocated, reset and copied together
-    with the object. Attributes of type dict may also have values of type `PerRobotState`; these are treated in the same
-    way.
+    A subclass declares its state arrays with `per_robot`. The subclass calls this constructor at the end of its own
+    constructor. If an attribute of the object is itself a `PerRobotState`, this attribute is allocated, reset and
+    copied together with the object. Attributes of type dict may also have values of type `PerRobotState`; these are
+    treated in the same way.
 
     Args:
         **initial_values: Name of the array -> its initial value for one robot, for arrays that are declared without an

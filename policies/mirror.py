@@ -1,7 +1,7 @@
 """Mirror images about the sagittal plane of a robot: of joints, of network inputs, and of networks.
 
-A mirror image swaps left and right legs. It changes the sign of abduction angles, of lateral components of vectors, and
-of roll and yaw components of angular velocities. The gait clock of a trot moves by half a cycle.
+A mirror image swaps left and right legs. The mirror image changes the sign of abduction angles, of lateral components
+of vectors, and of roll and yaw components of angular velocities. The gait clock of a trot moves by half a cycle.
 """
 
 from collections.abc import Sequence

@@ -4,13 +4,13 @@ A rounded sum depends on the order of its terms, and BLAS libraries use differen
 are computed exactly, as follows. The inputs of a layer are rounded to multiples of a step, 2^-20, and clipped to ±2^6.
 The weights in a column are rounded to multiples of another step. This step is 2^-27 times a power of two above the sum
 of the absolute weights in the column. All products and partial sums are then multiples of the product of both steps.
-They are at most 2^53 times as large as this product. A float64 represents these multiples exactly. The outputs differ
-from the outputs of a float32 network by about 1e-6.
+Products and sums are at most 2^53 times as large as this product. A float64 represents these multiples exactly. The
+outputs differ from the outputs of a float32 network by about 1e-6.
 
 The last bits of exp in a library also depend on the processor. The activation function therefore uses only additions,
-multiplications and divisions, which IEEE 754 rounds in the same way everywhere. It is piecewise linear. A piece
-consists of all float32 numbers with the same sign, exponent and first nine bits of the fraction. On each piece, the
-exponential linear unit is replaced by the chord between the ends of the piece; the error is below 3e-7.
+multiplications and divisions, which IEEE 754 rounds in the same way everywhere. The activation function is piecewise
+linear. A piece consists of all float32 numbers with the same sign, exponent and first nine bits of the fraction. On
+each piece, the exponential linear unit is replaced by the chord between the ends of the piece; the error is below 3e-7.
 """
 
 import math
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 """Type of float64 arrays."""
 LIMIT = 64.0
-"""Limit of the absolute value of the inputs of a layer; beyond it, the activation function is constant.
+"""Limit of the absolute value of the inputs of a layer; beyond ±64, the activation function is constant.
 
 In the networks of this project, the sums that enter the activation function are about ten times smaller."""
 _PIECE_BITS = 9
@@ -107,7 +107,7 @@ _BLOCK = 16
 _PRODUCTS = 500_000
 """Largest number of multiplications in one matrix product; larger products are split into parts.
 
-They are split because OpenBLAS would distribute a larger product over threads, which is far slower on busy cores."""
+The reason is that OpenBLAS would distribute a larger product over threads, which is far slower on busy cores."""
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class Parameters:
     """Base class of the parameters of a policy: a dataclass of numbers, each with limits.
 
     The constructor raises ValueError if a number is outside of its limits. The limits are far wider than the range of
-    useful numbers. They guarantee that every action of the policy is finite.
+    useful numbers. The limits guarantee that every action of the policy is finite.
     """
 
     def __post_init__(self) -> None:
@@ -203,7 +203,7 @@ class ParameterFile(Generic[P]):
     path: Path
     """Path of the file with the parameters for SimpleQuad.
 
-    Files for other robots have the same name and are in their models folders, see `load_for_robot`."""
+    A file for another robot has the same name and is in the models folder of this robot, see `load_for_robot`."""
     kind: type[P]
     """Class of the parameters in the file."""
     search: str = ""

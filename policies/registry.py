@@ -119,8 +119,8 @@ def make(
     """Make a new policy from its name.
 
     An environment that `gym.make` makes with the same `robot` and `servo` has the servo gains that the policy commands.
-    PolicyError is raised for a policy that commands other servo gains, and for an unknown name. It is also raised for a
-    trained policy that is missing, or that was trained for another robot or control period.
+    PolicyError is raised for a policy that commands other servo gains, and for an unknown name. PolicyError is also
+    raised for a trained policy that is missing, or that was trained for another robot or control period.
 
     Args:
         name: One of `names()`, or `safe:NAME` for the policy NAME inside the safety layer `Safe`.

@@ -38,8 +38,8 @@ class Features(PerRobotState):
 
     The features are, in this order:
 
-    - the scaled observation. A height scan in it is relative to the scan of level ground in the home pose. Points that
-      the sensor does not see are 0, so that a lost scan looks like level ground;
+    - the scaled observation. If it has a height scan, the scan is relative to the scan of level ground in the home
+      pose. Points that the sensor does not see are 0, so that a lost scan looks like level ground;
     - if the base policy has a gait clock: sine and cosine of its gait phase, and its action minus the home pose;
     - if `inputs` defines an additional clock: sine and cosine of the phase of this clock;
     - if `inputs` defines a history: past observations and averages of observations.
@@ -110,8 +110,8 @@ def apply_correction(
         robot: Robot with the joint limits.
         base_action: Action of the base policy: joint targets, (n, 12), rad.
         correction: Correction as a fraction of the authority, (n, 12).
-        authority: Largest correction of each joint target, (12,), rad. If `bounded` is False, it only scales the
-            correction.
+        authority: Largest correction of each joint target, (12,), rad. If `bounded` is False, the correction is scaled
+            by `authority` but not limited.
         bounded: True to clip the correction to [-1, 1].
 
     Returns:

@@ -119,7 +119,7 @@ def base_from_json(
         The base policy.
 
     Raises:
-        ValueError: The description is not valid. The message is one line.
+        ValueError: The description is not valid. The error message has one line.
     """
     if not isinstance(description, dict) or set(description) - {"height_scan"} != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")

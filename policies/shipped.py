@@ -8,7 +8,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """Path of the folder `models`, which ships with the project.
 
-It has a subfolder for each trained policy of SimpleQuad. It also has a subfolder for each other built-in robot, with
+The folder has a subfolder for each trained policy of SimpleQuad. For each other built-in robot, it has a subfolder with
 the trained policies and the searched parameters of this robot."""
 
 

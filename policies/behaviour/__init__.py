@@ -1,6 +1,7 @@
 """Behaviours of a robot: stand, walk, run, jump, fall and recover.
 
-A state machine selects the behaviour of each robot; leg motions and a trot perform it.
+A state machine selects the behaviour of each robot. Sequences of joint targets, and a trot to walk and run, perform the
+behaviour.
 """
 
 from policies.behaviour.machine import BehaviourMachine

@@ -1,6 +1,6 @@
 """State machine of the behaviours (stand, walk, run, jump, fall, recover) of n robots.
 
-The table `policies.behaviour.transitions.TRANSITIONS` defines all transitions between these states.
+The table `policies.behaviour.transitions.TRANSITIONS` defines all transitions between these behaviours.
 """
 
 import numpy as np

@@ -51,7 +51,7 @@ class Motion(PerRobotState, ABC):
 
         Args:
             rows: Indices of the k robots in the batch, (k,).
-            observation: Observation of these robots, (k, m).
+            observation: Observation of these robots, (k, m), with m numbers per robot.
             joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
@@ -126,7 +126,7 @@ class Stop(Motion):
 
         Args:
             rows: Indices of the k robots in the batch, (k,).
-            observation: Observation of these robots, (k, m).
+            observation: Observation of these robots, (k, m), with m numbers per robot.
             joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
@@ -192,7 +192,7 @@ class PoseSequence(Motion):
 
         Args:
             rows: Indices of the k robots in the batch, (k,).
-            observation: Observation of these robots, (k, m).
+            observation: Observation of these robots, (k, m), with m numbers per robot.
             joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:

@@ -162,8 +162,8 @@ class Behaviour(Policy):
 def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return velocity commands with a horizontal speed of at most `WALKING_SPEED`.
 
-    The direction of motion and the yaw rate of a `command` do not change. Its columns are forward velocity, m/s,
-    lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
+    The direction of motion and the yaw rate of a `command` do not change. The argument and the result have the columns
+    forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
     """
     speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
     share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))

@@ -1,7 +1,8 @@
 """Recovery of a fallen robot from any pose, by key poses that the direction of gravity selects.
 
 1. A robot on the ground gathers its legs and waits until it lies on its back, because a kick from the side rarely
-   succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if its other side were the lower side.
+   succeeds. If the robot comes to rest on its side, it rocks: it gathers the legs as if its upper side were the lower
+   side.
 2. From its back the robot kicks: it swings all legs at once, rolls over its lower side and lands on bent legs.
 3. An upright robot tucks its legs under its hips and stands up.
 
@@ -36,7 +37,7 @@ class Phase(IntEnum):
     LAND = 4
     """The legs move to a bent pose, in which the robot lands on its feet."""
     TUCK = 5
-    """The legs are tucked under the hips of the upright robot, before it stands up."""
+    """The legs move under the hips of the upright robot, with bent knees, before the robot stands up."""
     STAND = 6
     """The legs move to the home pose, which lifts the trunk."""
 
@@ -52,7 +53,7 @@ class RecoveryParameters:
     """Parameters of the recovery of a fallen robot, found by a search: key poses, durations and limits.
 
     Fields with `lower` in their names are for the legs on the lower side of the robot, to which gravity points. Fields
-    with `upper` are for the legs on the other side.
+    with `upper` are for the legs on the opposite, upper side.
     """
 
     gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
@@ -110,7 +111,9 @@ ROCK_TIME = 0.3
 FLAT = -0.95
 """Cosine of the tilt of the trunk (1: upright, -1: upside down) below which a robot lies on its back."""
 KICK_BLEND = 0.01
-"""Duration of the blend to the key pose of the phase KICK, s; it is so short that the servos limit the motion."""
+"""Duration of the blend to the key pose of the phase KICK, s.
+
+The blend is so short that the servos limit the speed of the motion."""
 STRANDED_AFTER = 0.4
 """Time in the phase KICK after which a kick has failed if the robot turns more slowly than STRANDED_TURNING, s."""
 STRANDED_TURNING = 0.5
@@ -164,7 +167,7 @@ class Recovery(Motion):
 
         Args:
             rows: Indices of the k robots in the batch, (k,).
-            observation: Observation of these robots, (k, m).
+            observation: Observation of these robots, (k, m), with m numbers per robot.
             joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:

@@ -1,4 +1,4 @@
-"""Transition table of the behaviours: states, transitions between them, and their conditions."""
+"""Transition table of the behaviours: states, transitions between states, and conditions of transitions."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -71,7 +71,7 @@ GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
 """Names of all conditions in the transition table, which `conditions` evaluates."""
 
 TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
-"""State -> time in this state after which the condition `late` holds, s. In other states `late` never holds."""
+"""State -> time in this state after which the condition `late` holds, s. In all other states, `late` never holds."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
 """Tilt of the trunk above which a robot on its legs changes to the state FALL, rad.

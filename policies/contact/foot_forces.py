@@ -93,7 +93,7 @@ class FootForceEstimator(PerRobotState):
         q̈, the bias force h and the joint torques τ. The right side has the Jacobians Jᵢ and the forces fᵢ of the feet,
         and the wrench w of the environment on the trunk. The three equations of the joints of leg i give fᵢ.
 
-        The method stores the motion state for its next call. Call it once per control period.
+        The method stores the motion state for its next call. Call the method once per control period.
 
         Args:
             motion: Motion state of n robots at present, with the joint targets of the last control period.
@@ -110,8 +110,9 @@ class FootForceEstimator(PerRobotState):
     def _period_motion(self, motion: MotionState) -> PeriodMotion:
         """Return the mean motion since the previous motion state, and store the present motion state.
 
-        The joint speed of an encoder is a mean over one control period. The difference of two of these speeds gives the
-        mean acceleration over two periods. With encoders, all other means are therefore also over two periods.
+        The joint speed of an encoder is a mean over one control period. The difference of two successive joint speeds
+        gives the mean acceleration over two periods. With encoders, all other means are therefore also over two
+        periods.
         """
         period = self._period
         velocity = motion.generalised_velocity
@@ -131,7 +132,8 @@ class FootForceEstimator(PerRobotState):
         self._last_trunk_acceleration = acceleration[:, :6].copy()
         curvature = period / 12.0 * (velocity[:, 6:] - last_velocity[:, 6:])
         if not self._encoders:
-            # The angle is the mean of the cubic polynomial with the angles and the speeds of both motion states.
+            # The mean angle is the mean of a cubic polynomial over the period. It has the angles and the speeds of the
+            # previous and the present motion state at its ends.
             return PeriodMotion(
                 acceleration=acceleration,
                 angle=0.5 * (motion.joint_position + last_angles) - curvature,

@@ -11,7 +11,7 @@ from quad_env.robots.robot import Robot
 class ServoModel:
     """Model of the joint servos: PD law, torque limits, and low-pass filter of the joint targets.
 
-    One object serves all robots of a batch, because it has no state.
+    One object serves all robots of a batch, because this model has no state per robot.
 
     Args:
         robot: Robot with the servo gains.

@@ -87,7 +87,7 @@ class Gaits(GaitedPolicy):
 
     Args:
         gait: Gait after a reset, one of `policies.gaits.parameters.GAITS`. The name of the policy is the name of this
-            gait, or `gaits` if it is the trot.
+            gait, or `gaits` if the gait is the trot.
         parameters: Name of every stepping gait -> its parameters; None for the result of `searched_parameters`.
         robot: Robot that walks, or its name.
         control_period: Time between two control steps, s.

@@ -71,8 +71,8 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
 
     Args:
         plane: Ground plane of n robots, level frame (x along the heading, z up).
-        x: Forward coordinate of the points, level frame, broadcasts with (n,), m.
-        y: Lateral coordinate of the points, level frame, broadcasts with (n,), m.
+        x: Coordinate of the points along the heading, relative to the trunk centre, broadcasts with (n,), m.
+        y: Coordinate of the points to the left, relative to the trunk centre, broadcasts with (n,), m.
 
     Returns:
         Height of the plane at each point, m.

@@ -1,6 +1,6 @@
 """Brace: a low, wide stance on all feet, in which a pushed robot slides to rest and does not trip.
 
-The safety layer `Safe` commands the brace when it predicts a fall.
+The safety layer `Safe` commands the brace when the layer predicts a fall.
 """
 
 import numpy as np
@@ -88,7 +88,7 @@ class Brace(PerRobotState):
         Args:
             rows: Indices of the k robots in the batch, (k,).
             targets: Joint targets of the policy for these robots, (k, 12), rad.
-            observation: Observation of these robots, (k, m).
+            observation: Observation of these robots, (k, m), with m numbers per robot.
 
         Returns:
             Blended joint targets, (k, 12), rad.

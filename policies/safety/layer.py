@@ -15,7 +15,7 @@ from quad_env.files.text import format_exception
 
 
 class Mode(IntEnum):
-    """Mode of the safety layer for a robot: it determines where the joint targets of the robot come from."""
+    """Mode of the safety layer for a robot; the mode determines where the joint targets come from."""
 
     FOLLOW = 0
     """The policy determines the joint targets."""

@@ -77,8 +77,8 @@ class SafetyLimits(Settings):
     ) -> Floats:
         """Limit joint targets to the target rate, joint speed, servo torque and joint range.
 
-        The torque limit is applied after the limits of target rate and joint speed, because it must hold even if it
-        makes the target jump. The limits of the joint range are applied last.
+        The torque limit is applied after the limits of target rate and joint speed, because the torque must be limited
+        even if the target then jumps. The limits of the joint range are applied last.
 
         Args:
             robot: Robot with the servo gains and the joint range.

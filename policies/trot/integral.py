@@ -40,8 +40,8 @@ class IntegralParameters(TrotParameters):
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the expected velocity follows the command, s.
 
-    The integral counts the error of the measured velocity relative to the expected velocity, not to the command. It
-    would otherwise also count the error while the robot accelerates after a new command."""
+    The integral counts the error of the measured velocity relative to the expected velocity, not to the command.
+    Otherwise the integral would also count the error while the robot accelerates after a new command."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
     """Largest forward or lateral velocity error that the integral counts; a larger error is clipped.
 

@@ -159,7 +159,7 @@ class Trot(GaitedPolicy):
         foot_x = self.robot.hip_positions[:, 0] + p.stance_shift
         foot_y = self.robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = np.split(velocity, 3, axis=1)
-        # Relative to the trunk, a stance foot moves at -(v + ω × r), because it stands still on the ground.
+        # Relative to the trunk, a stance foot moves at -(v + ω × r), because the foot stands still on the ground.
         stance_time = p.duty / p.frequency
         along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
