@@ -98,6 +98,9 @@ class CommandMap(Parameters):
 def scaled_parameters(parameters: P, robot: Robot) -> P:
     """Scale the policy parameters of the robot SimpleQuad to another robot by dynamic similarity.
 
+    Lengths scale with the leg length, times with the square root of the leg length, and masses with the mass of the
+    robot. The unit of a parameter determines its scale.
+
     Args:
         parameters: Parameters of the policy for SimpleQuad.
         robot: Robot to which the parameters are scaled.
@@ -119,7 +122,8 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
 def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
     """Scale the search ranges of policy parameters from SimpleQuad to another robot by dynamic similarity.
 
-    The range of the gait frequency is scaled with the mass of the robot instead, see `STRIDE_FREQUENCY_EXPONENT`.
+    Dynamic similarity scales lengths with the leg length, and times with the square root of the leg length. The range
+    of the gait frequency is scaled with the mass of the robot instead, see `STRIDE_FREQUENCY_EXPONENT`.
 
     Args:
         ranges: Parameter name -> (lower, upper) bound for SimpleQuad.

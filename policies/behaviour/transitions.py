@@ -143,6 +143,6 @@ def conditions(
 
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest absolute value of each row of `values`, (n, k), as an array (n,)."""
+    """Return the largest absolute value in each row of k `values`, (n, k), as an array, (n,)."""
     magnitude: NDArray[np.float64] = np.abs(values).max(axis=1)
     return magnitude

@@ -63,6 +63,6 @@ class LevelFrame(NamedTuple):
 
 
 def level_frame(projected_gravity: Floats) -> LevelFrame:
-    """Compute the attitude of n robots from their unit gravity vectors in the base frame, (3, n)."""
+    """Compute the attitude of n trunks from their unit gravity vectors in the base frame, (3, n)."""
     up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))
