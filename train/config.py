@@ -97,7 +97,7 @@ class PpoConfig:
     """Number of robots simulated together."""
     rollout_steps: int = parameter(12, limits=(1, 65_536))
     """Learner steps between two updates of the networks; a learner step is --ppo.hold control steps of 10 ms."""
-    # At least 2 samples, because the advantages are divided by their standard deviation within the minibatch.
+    # A minibatch has at least 2 samples, because the advantages are divided by their standard deviation in it.
     minibatch: int = parameter(8192, limits=(2, 2**24))
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = parameter(3, limits=(1, 1000))

@@ -63,7 +63,7 @@ def refuse_folder_in_use(folder: Path) -> None:
     allowed = [CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS]
     if has_checkpoint(folder):
         allowed.append(LAST)
-    temporary = tuple(f".{name}." for name in allowed)  # Names of temporary files
+    temporary = tuple(f".{name}." for name in allowed)  # Prefixes of temporary files
     if any(entry.name not in allowed and not entry.name.startswith(temporary) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 

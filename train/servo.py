@@ -1,6 +1,7 @@
 """Describes the servo gains of a training run, and compares them with the gains of an earlier policy.
 
-A network that was trained with other gains would move the robot differently, so that a run refuses to continue with it.
+With other gains, a trained network would move the robot differently. A run therefore refuses to continue with other
+gains than the network was trained with.
 """
 
 import numpy as np

@@ -123,7 +123,7 @@ def rounded(values: Any) -> list[float]:
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return the largest present correction of a residual policy, as a fraction of its authority.
+    """Return the largest present correction of a residual policy, as a fraction of the correction limit (authority).
 
     None for other policies.
     """

@@ -1,4 +1,4 @@
-"""The single environment of one robot, which computes with Python floats, because arrays are slower here."""
+"""The single environment of one robot, which computes with Python floats, because they are faster than arrays."""
 
 from typing import Any, ClassVar, Unpack
 

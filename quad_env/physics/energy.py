@@ -42,7 +42,7 @@ class SubstepSample(NamedTuple):
     torque: Array
     """Torques that the joints received in the physics step, (k, 12), N·m."""
     foot_force: Array
-    """Ground force on each foot, (k, 4), N."""
+    """Sum of the normal forces on each foot from its touch sensors, (k, 4), N."""
 
 
 class MotorMeter:

@@ -331,7 +331,8 @@ def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple
     gain = expand("actuator_gainprm")
     bias = expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        return (gain[:, :, 4],), (gain[:, :, 6],)  # Numbers 4 and 6 are stiffness and damping.
+        # The gain parameters 4 and 6 of a DC motor are the stiffness and the damping of its controller.
+        return (gain[:, :, 4],), (gain[:, :, 6],)
     return (gain[:, :, 0], bias[:, :, 1]), (bias[:, :, 2],)
 
 

@@ -306,7 +306,7 @@ class _AxisSetting:
     """
 
     axis: str
-    """Name of the disturbance axis."""
+    """Name of the disturbance axis that gives the value to the setting."""
     value: Any
     """Value of the setting at the severity that the combination has on this axis."""
     level_values: list[Any]

@@ -32,7 +32,7 @@ SCAN_LOST = "+scan_lost"
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
 """Suffix of a scenario name -> name of the field of `Scenario` that the suffix sets.
 
-The order is the order of several suffixes in a name.
+A name with several suffixes has them in the order of this dictionary.
 """
 
 

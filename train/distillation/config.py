@@ -102,7 +102,7 @@ class DistillationConfig:
     length).
     The noise is added in half of the times in which the teacher controls a robot."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
-    """Time before a fall from which no labels are used, s."""
+    """Time before each fall in which the labels are not used, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
     """Largest distance of the targets of thigh and calf joints from the home pose, rad."""
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))

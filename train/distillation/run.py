@@ -193,7 +193,8 @@ class Distillation:
     def _run_segment(self) -> None:
         """Execute the rounds of one segment, validate the student if a validation is due, and save a checkpoint.
 
-        A segment is a series of `DistillationConfig.segment_rounds` rounds. All robots start new episodes at its start.
+        A segment is a series of `DistillationConfig.segment_rounds` rounds. All robots start new episodes at the start
+        of a segment.
         """
         config = self._config
         first = self._state.rounds

@@ -194,7 +194,8 @@ class TrainingCallback(BaseCallback):
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.replay(seeds, self._actions)
-            self._robots.pop_statistics()  # The statistics of repeated rollouts are discarded.
+            # The statistics of repeated rollouts are discarded, because the stopped run has already logged them.
+            self._robots.pop_statistics()
             self._display.estimator.restart()
 
     def _on_rollout_end(self) -> None:
@@ -240,7 +241,7 @@ class TrainingCallback(BaseCallback):
             fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
             self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
-            # The logger has the KL divergence of the last update under this name, but not before the first update.
+            # The logger has the KL divergence of the last update under this name; before the first update, it has none.
             if (kl := self.logger.name_to_value.get("train/approx_kl")) is not None:
                 rate.update(float(kl))
             self._state.rate = rate.rate

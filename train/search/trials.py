@@ -96,7 +96,7 @@ def episode_costs(measures: Measures) -> Floats:
     """
     total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
-    # A command interval that the robot did not complete has the deviation NaN, which gives the largest cost.
+    # The velocity error is NaN in a command interval that the robot did not complete; NaN gives the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
     for name, (maximum, threshold, scale) in GRADES.items():
         beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)
