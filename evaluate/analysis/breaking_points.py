@@ -48,7 +48,7 @@ class AxisBreakingPoint:
     policy: str
     """Name of the policy that has this breaking point."""
     unit: str
-    """Unit of the severities on this disturbance axis, for example `N·s`; empty if they have no unit."""
+    """Unit of the severities on this disturbance axis, for example `N·s`; empty if the severities have none."""
     severity50: float
     """Severity at which half of the episodes fail, in `unit`; NaN if `found` is `never` or `always`."""
     ci: Interval

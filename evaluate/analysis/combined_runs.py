@@ -173,7 +173,7 @@ def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparis
 
 
 def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Comparison]:
-    """Compare the success rates of each adjacent pair of the ranking on every scored scenario.
+    """Compare the success rates of each pair of neighbours in the ranking, on every scenario of the score.
 
     Args:
         ranked: Combined ranking of the policies of both runs.

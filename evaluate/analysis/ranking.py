@@ -80,11 +80,11 @@ class AdjacentPair:
 class Ranking:
     """Ranking of the policies by their score (mean success), with tests of adjacent policies.
 
-    It contains the policies that ran all scored scenarios. The field names are the keys in results.json.
+    It contains the policies that ran all scenarios that enter the score. The field names are the keys in results.json.
     """
 
     hardware: bool
-    """True if the scores are from scenarios with the hardware profile, because there are no others.
+    """True if the scores are from scenarios with the hardware profile, because the evaluation has no others.
 
     The hardware profile consists of models of the real robot's motors and sensors.
     """
@@ -97,7 +97,7 @@ class Ranking:
     places: tuple[ParetoPoint, ...]
     """Success and cost of transport of each ranked policy, the most successful policy first."""
     neighbours: tuple[AdjacentPair, ...]
-    """Test of each pair of adjacent policies, the pair with the best policy first."""
+    """Test of the score difference of each pair of neighbours in the ranking, the pair with the best policy first."""
 
 
 def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:

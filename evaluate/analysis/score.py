@@ -92,7 +92,7 @@ class ScoredCells:
     def by_episode(self, policy: str) -> Floats:
         """Return the score of a `policy` for each of n seeds, (n,), 0 … 1.
 
-        It is the mean success over the disturbance axes of the episodes with this seed.
+        The score for a seed is the mean success, over the disturbance axes, of all episodes with this seed.
         """
         cells = self.cells_by_policy[policy]
         success_by_axis = [

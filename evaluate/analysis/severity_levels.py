@@ -25,7 +25,7 @@ class SeverityAxis:
     name: str
     """Name of the disturbance axis, for example `push`, or `push+hardware` with the hardware profile."""
     unit: str
-    """Unit of the severities on this disturbance axis, for example `N·s`; empty if they have no unit."""
+    """Unit of the severities on this disturbance axis, for example `N·s`; empty if the severities have none."""
     scenarios: tuple[Scenario, ...]
     """All scenarios of the disturbance axis in the evaluation, the mildest first."""
 

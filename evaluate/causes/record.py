@@ -151,7 +151,8 @@ class EpisodeSignals:
         """Index of the control step at which the failure begins.
 
         From this step until the fall, the tilt, the height of the trunk or the capture point is always outside of its
-        usual range. In the step before, all three were within their usual ranges.
+        usual range. In the step before, all three were within their usual ranges. The capture point is the point on the
+        ground at which the robot would have to step to come to rest.
         """
         offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
         depth = -self.signal("height") / self.episodes.robot.home_height

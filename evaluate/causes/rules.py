@@ -204,8 +204,9 @@ def slides(record: EpisodeSignals) -> Iterator[Event]:
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
     """Find pushes shortly before the onset of a fall, and a steady external force that shifts the robot.
 
-    The score of a push is the displacement of the capture point that it causes, divided by a threshold. The score of a
-    steady force is the force as a fraction of the robot's weight, divided by a threshold.
+    The capture point is the point on the ground at which the robot would have to step to come to rest. The score of a
+    push is the displacement of the capture point by the push, divided by a threshold. The score of a steady force is
+    the force as a fraction of the robot's weight, divided by a threshold.
     """
     if not record.fell:
         return
@@ -310,7 +311,8 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
     """Find a delay of observations and actions, and joint targets that servos did not receive.
 
-    The score of a delay is the delay divided by the robot's time constant of falling and by a threshold.
+    The score of a delay is the delay divided by a threshold and by the time constant with which the standing robot
+    would topple.
     """
     if delay_steps := record.sampled.action_delay + _observation_delay_steps(record):
         delay = delay_steps * record.episodes.dt

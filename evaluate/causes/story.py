@@ -69,7 +69,8 @@ def _events(decided: Verdict) -> list[tuple[int, str]]:
 def _departure(record: EpisodeSignals) -> tuple[int, str]:
     """Return control step and description of the moment at which the robot left its ordinary gait.
 
-    The description contains the tilt and the capture point of the robot in this control step.
+    The description contains the tilt of the trunk in this control step. It also contains the distance of the capture
+    point, at which the robot would have to step to come to rest, from the middle of the feet.
     """
     step = min(record.onset, record.end - 1)
     tilt = np.degrees(record.signal("tilt")[step])

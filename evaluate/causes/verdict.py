@@ -28,11 +28,11 @@ class Verdict(NamedTuple):
     event: Event
     """Event that caused the failure, for example a collision of a foot with a step."""
     certain: bool
-    """True if the event certainly caused the failure; False if this is only likely."""
+    """True if the event certainly caused the failure; False if it is only the likely cause."""
     triggered_events: tuple[Event, ...] = ()
     """All events of the episode with a score (quantity / threshold) of at least 1.
 
-    They are sorted by time if the robot fell, and otherwise by the priority of the rules.
+    The events are sorted by time if the robot fell, and otherwise by the priority of the rules that found them.
     """
 
     @property

@@ -152,7 +152,7 @@ def _explained_errors(store: ChunkStore) -> Iterator[None]:
     """Provide a context that converts failures of memory, disk or a worker process to a UsageError.
 
     The message of the UsageError has the reason, and the command that continues the run in `store`. Other exceptions
-    leave the context unchanged.
+    are raised unchanged.
     """
     try:
         yield

@@ -103,7 +103,7 @@ class Episodes:
     push_step: NDArray[np.int64]
     """Control step in which each of k pushes of an episode begins, in ascending order, (n, k)."""
     push_impulse: NDArray[np.float64]
-    """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
+    """Impulse of each of k pushes of an episode, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
     """Duration of a push, in control steps."""
     fall_step: NDArray[np.int64]

@@ -93,8 +93,8 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Return the mean horizontal speed with which feet in contact slip over the ground.
 
-    The movement of a foot between two consecutive control steps enters the mean if the foot is on the ground in both.
-    The speed is the speed of the foot's centre, so that the rolling of a spherical foot is included.
+    The movement of a foot between two consecutive control steps enters the mean if the foot is on the ground in both
+    steps. The speed is the speed of the foot's centre, so that the rolling of a spherical foot is included.
 
     Args:
         position: Foot positions, world frame, (steps, n, 4, 3), m.

@@ -36,7 +36,7 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
 
 
 def _heading_impulse(episodes: Episodes) -> Floats:
-    """Return the impulse of each push, x and y in the heading frame before the push, (n, k, 2), N·s."""
+    """Return the impulse of each of k pushes, heading frame before the push, x and y, (n, k, 2), N·s."""
     step_before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1)
     quaternion = episodes.quaternion[step_before, np.arange(episodes.count)[:, None]].astype(np.float64)
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
@@ -47,7 +47,7 @@ def _heading_impulse(episodes: Episodes) -> Floats:
 
 
 def _next_onset(onset: Ints, steps: int) -> Ints:
-    """Return the control step in which the push after each push begins, (n, k).
+    """Return, for each of k pushes, the control step in which the next push begins, (n, k).
 
     Args:
         onset: Control step in which each push begins, (n, k).

@@ -82,7 +82,7 @@ class Manifest:
     code: str
     """SHA-256 of the code of this project's packages on which the results depend."""
     cpu: str
-    """Name of the processor of the machine, on which the last bits of the results depend."""
+    """Name of the processor of the machine; the last bits of the results depend on the processor."""
     options: Mapping[str, Any]
     """Name of a command-line option -> its value when the run started; `--resume` reads these values."""
     threads: int

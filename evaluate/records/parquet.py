@@ -89,7 +89,7 @@ def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes
 def _add_values(digest: Any, values: pa.Array) -> None:
     """Add the values of a table column to a hash.
 
-    Every column first adds one bit for each value, which is 0 for null. A column of numbers or texts then adds its
+    Every column first adds one bit for each value: 0 for null, otherwise 1. A column of numbers or texts then adds its
     values. A column of lists then adds the lengths of the lists and the entries of the lists.
 
     Args:

@@ -23,7 +23,7 @@ from quad_env.cli.format import ABSENT, estimate, number, plus_minus, share, wit
 MAX_DETAILED_SCENARIOS = 6
 """Largest number of scenarios for which the table shows all metrics; for more scenarios, it shows only success."""
 HEAD_WIDTH = 9
-"""Maximum width of a line of the policy names above the columns, characters."""
+"""Maximum width of a line of the policy names above the columns of a table, characters."""
 
 
 def print_results(results: Results, console: Console) -> None:

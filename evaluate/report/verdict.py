@@ -120,13 +120,13 @@ def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
 
 
 def _difference_text(pair: AdjacentPair) -> str:
-    """Format the difference in score of two adjacent policies, in percentage points, with its interval."""
+    """Format the score difference of two neighbours in the ranking, in percentage points, with interval."""
     difference = points_with(pair.difference, pair.ci)
     return f"{difference.value} points {difference.brackets}".rstrip()
 
 
 def _overall_text(pair: AdjacentPair, episodes: int) -> str:
-    """Describe the difference of two adjacent policies over all scenarios, in words.
+    """Describe the difference in success of two neighbours in the ranking over all scenarios, in words.
 
     `episodes` is the number of episodes of each policy on each scenario.
     """
@@ -150,7 +150,7 @@ def _needed_text(episodes: float) -> str:
 
 
 def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
-    """Describe the differences of two adjacent policies on single scenarios, in words.
+    """Describe the differences in success of two neighbours in the ranking on single scenarios, in words.
 
     The text is needed, because a result on a single scenario may seem to contradict the result over all scenarios. The
     text is empty if there is only one scenario.

@@ -35,7 +35,10 @@ LEVELS_ABOVE_NOMINAL = 2
 The nominal level is the severity of the scenario that has the name of the axis, for example `push`.
 """
 ALL = "all"
-"""Name of the battery (list) of all nominal scenarios; in `push:all`, it selects all levels of the axis `push`."""
+"""Name of the battery (list) of all scenarios at their nominal severity.
+
+In a scenario name such as `push:all`, it selects all severity levels of the disturbance axis `push`.
+"""
 _FILE_SEPARATOR = ".py:"
 """Text between the name of a Python file and a variable in the file, as in `file.py:NAME`."""
 

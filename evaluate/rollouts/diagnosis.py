@@ -80,7 +80,7 @@ def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
 
 
 def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
-    """Describe the worst of the `walks` for each command that was not followed: command name -> text."""
+    """Describe the worst of the `walks` for each command that the policy did not follow: command -> text."""
     worst = {walk.command_name: walk for walk in sorted(walks, key=lambda walk: walk.deviation)}
     return {name: worst[name].description for name in COMMANDS if name in worst and worst[name].deviation > 1.0}
 
@@ -95,7 +95,7 @@ def has_policy_failure(walks: Sequence[Walk]) -> bool:
 
 
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
-    """Search for a mistake in the description of an external policy that explains why it does not walk.
+    """Search for the mistake in the description of an external policy due to which it does not walk.
 
     The search corrects common mistakes and tests the corrected policies. It first corrects one mistake at a time, and
     then several mistakes in the order of the joints at once. Finally it adds a second correction to each of the best

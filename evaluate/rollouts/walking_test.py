@@ -48,7 +48,7 @@ class Walk:
     def deviation(self) -> float:
         """Largest component of `errors`, which is at most 1 if the robot follows its command.
 
-        It is infinite if the robot fell or the policy failed.
+        The deviation is infinite if the robot fell or the policy failed.
         """
         return np.inf if self.fall or self.failure else float(self.errors.max())
 

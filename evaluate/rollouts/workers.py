@@ -52,10 +52,11 @@ class WorkerDiedError(UsageError):
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Return a function that runs tasks in worker processes; results do not depend on their number.
+    """Return a function that runs tasks in `count` or fewer worker processes, in parallel.
 
-    The workers end when the process that started them ends for any reason or raises an exception. The processes use no
-    threads and no locks, so that a process never waits for a process that has died.
+    The results of the tasks do not depend on the number of processes. The workers end when the process that started
+    them ends for any reason or raises an exception. The processes use no threads and no locks, so that a process never
+    waits for a process that has died.
 
     Args:
         count: Maximum number of worker processes.

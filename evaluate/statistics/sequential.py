@@ -32,7 +32,10 @@ It is nine tenths of the 5 % that a whole report may spend on false positives. T
 differences on single scenarios.
 """
 LOOKS = 4
-"""Number of interim analyses of an evaluation --until settled, equally spaced up to the last episode."""
+"""Number of interim analyses of an evaluation with `--until settled`, equally spaced up to the last episode.
+
+An interim analysis tests the episodes that have been simulated so far, and can end the evaluation early.
+"""
 FUTILITY_POWER = 0.05
 """Predictive power, 0 … 1, below which more episodes are futile for the test of two adjacent policies.
 
@@ -43,7 +46,10 @@ _POINTS = 401
 
 
 class AdjacentTest(NamedTuple):
-    """Test of two adjacent policies of a ranking in one interim analysis."""
+    """Test of two adjacent policies of a ranking in one interim analysis.
+
+    An interim analysis tests the episodes that have been simulated so far, and can end the evaluation early.
+    """
 
     ahead: str
     """Name of the policy with the higher score of two adjacent policies in the ranking."""
@@ -55,16 +61,19 @@ class AdjacentTest(NamedTuple):
     It is from the paired, two-sided sign-flip permutation test over the episodes.
     """
     distinguished: bool
-    """True if the p-value is below the nominal significance level of this interim analysis."""
+    """True if `p_value` is below the nominal significance level of the interim analysis."""
     futile: bool
     """True if the last interim analysis will probably not distinguish the two policies.
 
-    The probability that it distinguishes them (predictive power) is below FUTILITY_POWER.
+    The probability that the last analysis distinguishes the policies (predictive power) is below FUTILITY_POWER.
     """
 
 
 def looks(max_episodes: int) -> tuple[int, ...]:
-    """Return the number of episodes at each interim analysis; the last one has `max_episodes`."""
+    """Return the number of episodes at each interim analysis; the last analysis has `max_episodes`.
+
+    An interim analysis tests the episodes that have been simulated so far, and can end the evaluation early.
+    """
     return tuple(sorted({math.ceil(max_episodes * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 

@@ -21,9 +21,9 @@ The colours are from the palette of Okabe and Ito, one from Tol, and greys; colo
 Segments that are long enough also show the name of their cause.
 """
 ROW_HEIGHT = 0.19
-"""Height of a bar of the plot including the gap to the next bar, inches."""
+"""Height of a bar in the plot of causes of failure, including the gap to the next bar, inches."""
 LABEL_SIZE = 6.5
-"""Font size of the labels in a bar of the plot, pt."""
+"""Font size of the labels in a bar of the plot of causes of failure, pt."""
 
 
 def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":

@@ -30,18 +30,24 @@ if TYPE_CHECKING:
 HEIGHT = 2.7
 """Height of the plot of success or fall rate against severity, without its legend, inches."""
 WIDEST = 2.6
-"""Width of the line of the first policy in a plot, pt."""
+"""Width of the line of the first policy in a plot of success or fall rate against severity, pt."""
 NARROWEST = 1.2
-"""Width of the line of the last policy in a plot, pt.
+"""Width of the line of the last policy in a plot of success or fall rate against severity, pt.
 
 Each line is narrower than the earlier lines, which it may cover, so that the edges of the earlier lines stay visible.
 """
 DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
 """Matplotlib line styles of successive policies; they repeat if there are more policies."""
 STEP = 3.0
-"""Largest horizontal shift between the marks of two successive policies at the same severity, pt."""
+"""Largest horizontal shift between the marks of two successive policies at the same severity, pt.
+
+Marks are shifted so that equal curves stay visible.
+"""
 SPREAD = 14.0
-"""Largest horizontal shift between the marks of the first and the last policy at the same severity, pt."""
+"""Largest horizontal shift between the marks of the first and the last policy at the same severity, pt.
+
+Marks are shifted so that equal curves stay visible.
+"""
 BAR = 2.5
 """Line width of the interval of a breaking point in a plot, pt."""
 

@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROW_HEIGHT = 0.22
-"""Height of a cell of the heat map, inches."""
+"""Height of a cell of the heat map of success rates, inches."""
 COLUMN_WIDTH = 0.3
-"""Width of a cell of the heat map, inches."""
+"""Width of a cell of the heat map of success rates, inches."""
 POLICY_GAP = 0.24
 """Distance between the blocks (groups of columns) of two policies in the heat map, inches."""
 HARDWARE_GAP = 0.12
 """Distance between the columns without and with the hardware profile in the heat map, inches."""
 NAME_WIDTH = 12
-"""Largest number of characters in a line of a policy name above the heat map."""
+"""Largest number of characters in a line of a policy name above the heat map of success rates."""
 NAME_SIZE = 8.0
-"""Font size of a policy name above the heat map, pt."""
+"""Font size of a policy name above the heat map of success rates, pt."""
 NAME_LINE = 0.135
-"""Height of a line of a policy name above the heat map, inches."""
+"""Height of a line of a policy name above the heat map of success rates, inches."""
 
 
 @dataclass(frozen=True)
@@ -42,30 +42,34 @@ class _Layout:
     """
 
     parts: tuple[Mapping[str, Mapping[str, Sequence[float]]], ...]
-    """A dictionary for each part: policy -> disturbance axis -> success rate at each severity, the mildest first.
+    """Success rates in each part of the heat map: policy -> disturbance axis -> rate at each severity.
 
-    The first part is without the hardware profile, the second with it.
+    The first part is for scenarios without the hardware profile, the second part for scenarios with it. The mildest
+    severity is first.
     """
     counts: tuple[int, ...]
-    """Number of columns of each part, which is the largest number of severities of an axis."""
+    """Number of columns of each part of the heat map: the largest number of severities of an axis.
+
+    The first part is for scenarios without the hardware profile, the second part for scenarios with it.
+    """
     axis_names: tuple[str, ...]
     """Names of the disturbance axes, one for each row of the heat map."""
     policies: tuple[str, ...]
-    """Names of the policies, one for each block of columns."""
+    """Names of the policies, one for each block (group of columns) of the heat map."""
 
     @property
     def heads(self) -> tuple[str, ...]:
-        """Names of the policies with line breaks, for the text above the blocks of columns."""
+        """Names of the policies with line breaks, for the text above the heat map."""
         return tuple("\n".join(break_name(policy, NAME_WIDTH)) for policy in self.policies)
 
     @property
     def block_width(self) -> float:
-        """Width of the block of columns of one policy, inches."""
+        """Width of the block (group of columns) of one policy in the heat map, inches."""
         return sum(self.counts) * COLUMN_WIDTH + (len(self.parts) - 1) * HARDWARE_GAP
 
     @property
     def policy_width(self) -> float:
-        """Distance between the centres of the blocks of two adjacent policies, inches."""
+        """Distance between the centres of two adjacent blocks (groups of columns) of the heat map, inches."""
         head_width = max(text_width(line, NAME_SIZE, "bold") for head in self.heads for line in head.splitlines())
         return max(self.block_width, head_width) + POLICY_GAP
 

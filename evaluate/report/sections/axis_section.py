@@ -21,7 +21,7 @@ LEAD = (
     "breaking points with their intervals. Severities are harder to the right. The marks of several policies at one "
     "level stand next to each other."
 )
-"""Explanation that is printed above the curves."""
+"""Explanation that the report shows above the curves of success and fall rate against severity."""
 
 
 def render_axes(results: Results) -> str:

@@ -18,9 +18,9 @@ LEAD = (
     "Failed episodes by the first deciding event, by the rules of docs/causes.md, in % of the episodes of an axis. "
     "python -m evaluate replay FOLDER EPISODE prints the story of one episode."
 )
-"""Explanation that is printed above the plots."""
+"""Explanation that the report shows above the plots of the causes of failure."""
 TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}
-"""True (with the hardware profile) or False (without it) -> heading above the plots."""
+"""True (with the hardware profile) or False (without it) -> heading above the plots of causes of failure."""
 
 
 def render_causes(results: Results) -> str:

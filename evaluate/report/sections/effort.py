@@ -24,9 +24,10 @@ def render_effort(results: Results) -> str:
 
 
 def _figures(results: Results) -> Iterator[str]:
-    """Yield the table of effort measures and its note as HTML, if a scenario is in EFFORT_SCENARIOS.
+    """Yield the table of effort measures and its note as HTML.
 
-    The table has a row for each policy on each of these scenarios.
+    The table has a row for each policy on each scenario of the run that is in EFFORT_SCENARIOS. Nothing is yielded if
+    the run has none of these scenarios.
     """
     rows = [
         _row(results, scenario, policy)
