@@ -20,7 +20,7 @@ class AllBenchmarksOptions(OutputOptions):
 def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
     """Run five benchmarks one after the other, with the options for which the requirements are defined.
 
-    The five are `single_env`, `vector_env`, `physics`, `policies` and `startup`.
+    The five benchmarks are `single_env`, `vector_env`, `physics`, `policies` and `startup`.
 
     Args:
         options: Options of the command.

@@ -1,8 +1,8 @@
 """Checks of `python -m quad_env doctor` in which a policy controls the robot.
 
 The checks test if the robot follows velocity commands with a reference policy, and if the user's policy loads and
-walks. For a policy from another project, they also check its description: the file that defines the observations and
-actions of the policy.
+walks. For a policy from another project, the checks also test its description: the file that defines the observations
+and actions of the policy.
 """
 
 from collections.abc import Iterable, Iterator

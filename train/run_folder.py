@@ -70,7 +70,7 @@ def refuse_folder_in_use(folder: Path) -> None:
 
 @contextlib.contextmanager
 def new_run_folder(folder: Path) -> Iterator[None]:
-    """Make the folder of a new training run, and lock it against other processes within the context.
+    """Make the folder of a new training run, and lock it against other processes during the `with` block.
 
     Raises UsageError if the folder is in use, has other files, or cannot be written.
     """

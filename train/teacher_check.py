@@ -1,7 +1,7 @@
 """Check that a controller walks on a robot before a network learns from it.
 
-If it does not walk, the check changes one limit of the robot after the other in simulation (joint torque, servo gains,
-speed of the commands), and names the changes with which the controller walks.
+If the controller does not walk, the check changes one limit of the robot after the other in simulation (joint torque,
+servo gains, speed of the commands), and names the changes with which the controller walks.
 """
 
 from dataclasses import dataclass, replace

@@ -290,7 +290,8 @@ def segment_steps(config: TrainConfig) -> int:
 def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
     """Make the simulated robots of a training run, distributed over the scenarios of the mixture.
 
-    The first episodes are truncated after random numbers of steps, which are derived from the seeds of the reset.
+    The first episodes are truncated after random numbers of steps, so that the robots are out of phase. These numbers
+    follow from the seeds of the robots.
     """
 
     def sample_first_lengths(seeds: Sequence[int] | None) -> NDArray[np.int64]:

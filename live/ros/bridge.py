@@ -113,7 +113,7 @@ class Bridge:
 
     @property
     def time(self) -> float:
-        """Simulated time since the start of the bridge, s; it continues if the robot is reset."""
+        """Simulated time since the start of the bridge, s; the time continues if the robot is reset."""
         return self._steps * self._period * 1e-9
 
     def handle_message(self, topic: str, values: Sequence[float], size: int) -> None:

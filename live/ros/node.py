@@ -38,7 +38,7 @@ MAX_NUMBERS = 256
 """Maximum number of joint targets that the node passes from a ROS message to the simulation.
 
 No robot accepts a longer message. Of a longer message, the node passes on only the number of joint targets, so that the
-simulation can report it.
+simulation can report the error.
 """
 MAX_PACKET_SIZE = 65_536
 """Maximum size of a packet between the ROS process and the simulation, bytes."""

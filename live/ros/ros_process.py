@@ -19,7 +19,7 @@ START_TIMEOUT = 30.0
 MAX_PACKETS_PER_STEP = 500
 """Maximum number of packets that are read in one control step; further packets are read in the next step."""
 EXIT_TIMEOUT = 2.0
-"""Time within which the ROS process must end after `close`, s; otherwise it is killed."""
+"""Time within which the ROS process must end after `close`, s; otherwise the process is killed."""
 
 Packet = dict[str, Any]
 """Message between the simulation and the ROS process, sent as a JSON object: name -> value."""

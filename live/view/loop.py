@@ -85,7 +85,9 @@ class LiveView:
                 self._show(time.perf_counter())
 
     def _show(self, now: float) -> None:
-        """Start to draw an image if one is due, and send a state message (telemetry) to the pages if one is due.
+        """Start to draw an image, and send a state message (telemetry) to the pages, each if its period is over.
+
+        The periods are 1 / FRAME_RATE and 1 / STATE_RATE.
 
         Args:
             now: Present time of `time.perf_counter`, s.

@@ -53,7 +53,7 @@ class EpisodeOutcome:
         self.record()
 
     def record(self) -> None:
-        """Record the latest control step of the session; if the episode has ended with it, decide the outcome."""
+        """Record the latest control step of the session; decide the outcome if this step ends the episode."""
         if self._has_ended:
             return
         step = self._session.latest

@@ -56,7 +56,7 @@ class RenderThread:
         self._thread.shutdown()
 
     def _draw_and_show(self, requests: Sequence[RenderRequest]) -> None:
-        """Draw an image and pass it to `show`; store the reason in `failure` if that is impossible."""
+        """Draw an image and pass it to `show`; store the reason in `failure` if the image cannot be drawn."""
         try:
             frame = self._draw(requests)
         except Exception as error:  # Graphics drivers raise many kinds of exceptions.

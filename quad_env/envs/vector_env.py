@@ -212,7 +212,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         """Return the observation of the true present state, with the command to track next.
 
         The values have no noise, delay or estimation error, also if the observation of this environment has them. A
-        teacher can act on them while its student acts on the observation of the environment.
+        teacher can act on these values while its student acts on the observation of the environment.
 
         Args:
             height_scan: Grid of a height scan to append; its rate, delay and noise are not used. None for no scan.
@@ -306,8 +306,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         """Start new episodes in the `finished` envs (same-step autoreset), and return the infos of all envs.
 
         The new keys `final_obs`, (n, size), and `final_info` hold the observations and `infos` at the end of the
-        finished episodes. `terms` are the infos of mechanical power, overspeed and reward terms in the step, key ->
-        (n,); these infos become 0 in the finished envs.
+        finished episodes. `terms` are the infos of mechanical power, overspeed (fraction of joints above their rated
+        speed) and reward terms in the step, key -> (n,); these infos become 0 in the finished envs.
         """
         final = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),

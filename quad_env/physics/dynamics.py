@@ -32,7 +32,7 @@ class DynamicsTerms(NamedTuple):
     bias_force: Floats
     """Bias force: generalised force at which the generalised acceleration is zero, (n, 18), N and N·m.
 
-    These forces balance Coriolis and centrifugal forces, gravity and joint damping.
+    The bias force balances Coriolis and centrifugal forces, gravity and joint damping.
     """
     feet: Floats
     """Centres of the foot spheres, world frame, (n, 4, 3), m."""

@@ -22,7 +22,7 @@ JOINT_READINGS = (
 )
 """Names of the measurements of a `MotorMeter` that have one value per joint.
 
-`quad_env.task.readings` explains them and gives their units.
+`quad_env.task.readings` explains the measurements and gives their units.
 """
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Type of a function that returns the joint torques of k robots in the last physics step, (k, 12), N·m.

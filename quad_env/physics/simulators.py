@@ -26,7 +26,7 @@ class SimulatorFeatures:
     summary: str = ""
     """Description of the supported features, for error messages."""
     robot_sensors: bool = True
-    """True if the robot can have simulated sensors, which need outputs at the present state."""
+    """True if the robot can have simulated sensors, for which the engine must compute outputs at the present state."""
     energy: bool = True
     """True if work, heat and foot impulses can be measured in every physics step."""
     hardware_profile: bool = True

@@ -32,8 +32,8 @@ class WarpBatch(ArrayBatch):
     """Batch of n robots in MuJoCo Warp; `quad_env.physics.batch.Batch` defines the interface.
 
     All robots are stepped at once, in single precision, with the Newton solver. The state is in host memory, in double
-    precision, and a step copies it to the device (GPU or CPU) and back. So the rest of the environment is the same as
-    for MuJoCo.
+    precision, and a step copies the state to the device (GPU or CPU) and back. So the rest of the environment is the
+    same as for MuJoCo.
 
     Args:
         model: Compiled model of every robot.

@@ -332,7 +332,7 @@ def _dropout(duration: float) -> Scenario:
 
 
 def _check_positive(quantity: str, value: float) -> None:
-    """Raise ValueError if the severity `value` of an axis is not above zero; `quantity` names it in the message.
+    """Raise ValueError if the severity `value` of an axis is not above zero; `quantity` names the severity.
 
     Some axes have no scenario at severity zero.
     """

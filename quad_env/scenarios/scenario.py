@@ -40,8 +40,8 @@ A name with several suffixes has them in the order of this dictionary.
 class Scenario(Settings):
     """Definition of an episode, except its seed: terrain, disturbances, commands and initial state.
 
-    The fields `pushes`, `force`, `payload`, `latency`, `noise` and `dropouts` are None if the scenario does not have
-    this disturbance.
+    Each of the fields `pushes`, `force`, `payload`, `latency`, `noise` and `dropouts` is None if the scenario does not
+    have the disturbance that the field describes.
     """
 
     name: str

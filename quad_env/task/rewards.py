@@ -47,7 +47,7 @@ The norm is √(forward² + lateral² + yaw rate²), in m/s and rad/s.
 SWING_HEIGHT_FRACTION = 0.2
 """Desired height of the underside of a foot at mid-swing, as a fraction of the trunk's home height.
 
-The terms `gait` and `foot_clearance` use it. For the robot go1, the height is 0.06 m.
+The terms `gait` and `foot_clearance` use this height. For the robot go1, the height is 0.06 m.
 """
 MAX_SWING_HEIGHT_RATIO = 1.25
 """Height of a swing foot above which the reward term `gait` decreases, as a multiple of the mid-swing height."""

@@ -253,7 +253,7 @@ def _export(options: RobotPipelineOptions) -> None:
 
 
 def _search(options: RobotPipelineOptions) -> None:
-    """Search the parameters of the robot's open-loop trot by CMA-ES, and write them to its models folder."""
+    """Search the parameters of the robot's open-loop trot by CMA-ES; write them to the robot's models folder."""
     trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
 

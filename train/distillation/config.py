@@ -35,7 +35,7 @@ HISTORY_INPUTS = Inputs(lags=(0.01, 0.02, 0.04, 0.08, 0.12), averages=(0.3, 1.5)
 
 `lags` are the ages of single past observations, and `averages` the time constants of exponential averages, s. A
 model-based teacher integrates its position error and estimates loads. From the averages, the network can compute
-similar quantities. From the lags, it can estimate velocities in spite of noise, and recognise delays."""
+similar quantities. From the lags, the network can estimate velocities in spite of noise, and recognise delays."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,8 +3,8 @@
 SB3 calls `_on_rollout_start` after the update from the last rollout. Only in this call can the learner and all random
 generators be saved together. A run is divided into segments; all robots start new episodes at the start of a segment.
 The states of the robots are not saved. A checkpoint contains the actions of the robots since the start of the present
-segment instead, and a resumed run repeats these actions. A run that was
-stopped and resumed gives the same result, bit for bit, as an uninterrupted run on the same machine and packages.
+segment instead, and a resumed run repeats these actions. A run that was stopped and resumed gives the same result, bit
+for bit, as an uninterrupted run on the same machine and packages.
 """
 
 import copy
@@ -45,7 +45,8 @@ from train.validation import best_validation, describe_validation, validate, val
 FIRST_CHECKPOINT_DEADLINE = 30.0
 """Time within which a session writes its first checkpoint, s.
 
-A session is the part of a training run that one process trains. If its first rollout takes longer, the checkpoint is
+A session is the part of a training run that one process trains. If the first rollout of the session takes longer, the
+checkpoint is
 written after that rollout."""
 
 

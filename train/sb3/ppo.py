@@ -194,7 +194,8 @@ def actor_network(model: PPO) -> Network:
 def set_actor(model: PPO, network: Network) -> None:
     """Copy the weights of a network into the actor of the learner, which computes the mean correction.
 
-    If the learner has a running normalisation, its mean and standard deviation do not change from then on.
+    If the learner has a running normalisation, the mean and standard deviation of the observations stay constant from
+    this call on.
 
     Args:
         model: PPO learner, which is changed.

@@ -48,7 +48,7 @@ class ProgressEstimator:
 
     @contextlib.contextmanager
     def validation(self, steps: int) -> Iterator[None]:
-        """Measure the duration of the context, in which the policy at learner step `steps` is validated."""
+        """Measure the duration of the `with` block, which validates the policy at learner step `steps`."""
         began = self._clock()
         yield
         self._durations.append(self._clock() - began)

@@ -46,7 +46,7 @@ The parameters define the command map, which converts a velocity command to the 
 MIN_RESPONSE = 0.7
 """Ratio of achieved to commanded velocity below which a candidate of the trot search has an extra cost.
 
-Otherwise a candidate that stands still would have the lowest cost."""
+Without the extra cost, a candidate that stands still would have the lowest cost."""
 WEAK_RESPONSE_WEIGHT = 2.0
 """Weight of the extra cost of a trot that responds too weakly to commands.
 
@@ -237,8 +237,9 @@ def fit_command_map(
 def invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
     """Return the parameters of a trot with the command map that inverts its measured response.
 
-    With the inverted response, the robot moves at the commanded velocity. The model of the gait has an input u and an
-    achieved velocity v (yaw rate: ω) in each direction, with constants a, b and c:
+    The command map converts a velocity command to the input of the gait. With the inverted response, the robot moves at
+    the commanded velocity. The model of the gait has an input u and an achieved velocity v (yaw rate: ω) in each
+    direction, with constants a, b and c; u_lateral is the lateral input:
 
         forward: v = a u + b
         lateral: v = a u
@@ -268,7 +269,8 @@ def invert_command_response(parameters: TrotParameters, response: Floats) -> Tro
 def try_invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
     """Return the parameters of a trot with the command map that inverts its measured response, if possible.
 
-    The parameters are unchanged if the response is too weak.
+    The command map converts a velocity command to the input of the gait. The parameters are unchanged if the response
+    is too weak.
 
     Args:
         parameters: Parameters of the trot.

@@ -54,7 +54,7 @@ class Plant:
 
 
 def build_plant(model: mujoco.MjModel) -> Plant:
-    """Convert a compiled MuJoCo `model` of a robot to a Drake plant; the trunk must be its first body."""
+    """Convert a compiled MuJoCo `model` of a robot to a Drake plant; the trunk must be the first body of `model`."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     builder = DiagramBuilder()
