@@ -1,4 +1,7 @@
-"""`python evaluate.py` is `python -m evaluate`; on import the package of the same name wins over this file."""
+"""Command `python evaluate.py`, which is equal to `python -m evaluate`.
+
+The statement `import evaluate` imports the package `evaluate` instead of this file.
+"""
 
 import runpy
 

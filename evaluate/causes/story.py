@@ -38,7 +38,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     moments = _events(decided)
     if record.fell and record.end:
         if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
-            moments = []  # The departure event, added below, replaces this event.
+            moments = []  # `_departure`, called below, describes the same event.
         moments.append(_departure(record))
         outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
     cause = decided.event.cause.replace("_", " ")

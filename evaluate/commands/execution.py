@@ -206,7 +206,8 @@ def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
     """Analyse a run with `--until settled`, and decide if it ends; return a run without this option as is.
 
-    The function prints the tests of the adjacent policies of the ranking, and stores the decision in the manifest.
+    A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. The function
+    prints the tests of these policies, and stores the decision in the manifest.
 
     Args:
         run: Run in which every pair of policy and scenario has all episodes so far.

@@ -93,7 +93,11 @@ class EvaluateOptions:
 
     @property
     def max_episodes(self) -> int:
-        """Number of episodes of each policy on each scenario; with `--until settled`, the maximum number."""
+        """Number of episodes of each policy on each scenario.
+
+        A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this
+        run, the value is the maximum number of episodes.
+        """
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
     def run_options(self) -> dict[str, Any]:

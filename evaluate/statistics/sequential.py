@@ -131,8 +131,8 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
     from scipy.special import ndtr
 
     levels = dict[int, float]()
-    # `sums` are values of the test statistic at the previous interim analysis. `density` is the probability of each
-    # value in the case that no earlier interim analysis has distinguished the two policies.
+    # `sums` are possible values of the test statistic at the previous interim analysis. `density` is the probability of
+    # each value in the case that no earlier interim analysis has distinguished the two policies.
     sums = np.zeros(1)
     density = np.ones(1)
     previous_share = 0.0

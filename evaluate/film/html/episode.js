@@ -1,4 +1,4 @@
-// Film and curves of one episode, or of several on the same seed, under one cursor.
+// Film and curves of one episode for one or more policies, with a common time cursor.
 "use strict";
 
 const data = JSON.parse(document.getElementById("data").textContent);
@@ -6,7 +6,7 @@ const { episodes } = data;
 const dt = episodes[0].dt;
 const end = Math.max(...episodes.map((episode) => episode.end));
 const at = (id) => document.getElementById(id);
-const LEFT = 44, RIGHT = 8; // of the curves, pixels
+const LEFT = 44, RIGHT = 8; // Left and right margin of the curves, pixels.
 let now = 0, playing = null;
 
 const svg = (name = "svg") => document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -28,7 +28,7 @@ function draw(parent, name, attributes, text = "") {
 
 const colour = (line) => `var(--${line.look})`;
 
-// Round numbers of which about so many lie between two others.
+// Return round numbers between `low` and `high`, about `count` of them, for the marks of an axis, and their decimals.
 function ticks(low, high, count) {
   const rough = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -38,9 +38,9 @@ function ticks(low, high, count) {
   return { found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
 
-const scaled = (columns, factor) => columns?.map((values) => values.map((value) => value && factor * value)); // or null
+const scaled = (columns, factor) => columns?.map((values) => values.map((value) => value && factor * value)); // null stays null
 
-// Title, lines, and the least range of the scale, a limit or bars instead of lines.
+// Return the charts of an episode: title and lines. Some have a minimum range of the scale, a limit, or bars as well.
 function chartsOf({ curves, legs, fallen }) {
   const feet = (columns) => legs.map((name, leg) => ({ name, look: `foot-${leg}`, values: columns[leg] }));
   const lines = (actual, given, command) =>
@@ -66,9 +66,9 @@ class Chart {
   constructor(episode, number) {
     this.episode = episode;
     this.chart = episode.charts[number];
-    this.same = episodes.map((each) => each.charts[number]); // one range for all policies
+    this.same = episodes.map((each) => each.charts[number]); // All policies have the same range of the scale.
     this.values = this.chart.lines.map(() => make("span"));
-    const named = this.chart.bars ? [] : this.chart.lines; // bars have their names in front
+    const named = this.chart.bars ? [] : this.chart.lines; // The names of bars are on the left of the bars.
     const legend = named.map((line, place) => {
       const swatch = make("i", { className: line.look, style: `color: ${colour(line)}` });
       return make("span", {}, swatch, `${line.name} `, this.values[place]);
@@ -169,7 +169,7 @@ class Chart {
   }
 }
 
-// The names of what happened, in as many rows as keep them apart.
+// Timeline with the names of the events of an episode, in enough rows that the names do not overlap.
 class Events {
   constructor(episode) {
     this.episode = episode;
