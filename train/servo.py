@@ -47,8 +47,8 @@ def check_start_servo(config: TrainConfig, start: Policy) -> None:
 def check_resumed_servo(config: TrainConfig) -> None:
     """Check that a continued run has the servo gains with which it began.
 
-    End-to-end runs of earlier versions had the stiff servos of their pose. A run without a readable bundle is not
-    checked.
+    End-to-end runs of earlier versions had the stiff servos of their base policy, a fixed pose. A run without a
+    readable bundle is not checked.
 
     Args:
         config: Settings of the run.

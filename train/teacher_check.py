@@ -42,7 +42,7 @@ class _ModifiedHardware(HardwareConfig):
 
 
 class RobotChange(NamedTuple):
-    """A possible reason why a controller does not walk, with a change of robot or commands that removes it."""
+    """Possible reason why a controller does not walk, and the change of robot or commands that removes the reason."""
 
     change: str
     """The change as text that completes the sentence "It walks with …"."""

@@ -164,9 +164,10 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         Returns:
             Name of the statistic -> value. `velocity_error` (m/s), `yaw_rate_error` (rad/s) and `reward/TERM` are means
             over the control steps. `reward_rate` is the mean reward per second. `episodes` is the number of finished
-            episodes. `return` is their mean return, and `falls` the fraction of them that ended with a fall; both are
-            NaN if no episode finished. `intervals` is the number of command intervals that ended. `tracked` is the
-            fraction of them in which the command was tracked; NaN if no interval ended.
+            episodes. `return` is the mean return of the finished episodes, and `falls` the fraction of the finished
+            episodes with a fall; both are NaN if no episode finished. `intervals` is the number of command intervals
+            that ended. `tracked` is the fraction of these intervals in which the command was tracked; NaN if no
+            interval ended.
         """
         sums, self._sums = self._sums, defaultdict(float)
         steps = max(sums.pop("steps", 0.0), 1.0)

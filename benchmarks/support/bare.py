@@ -51,7 +51,7 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
 
     Args:
         scenario: Name of the scenario.
-        num_envs: Number of states. If it is larger than MAX_STARTS, the first MAX_STARTS states are repeated.
+        num_envs: Number of states. If this number exceeds MAX_STARTS, the first MAX_STARTS states are repeated.
         robot: Name of the robot, or path of its model file.
 
     Returns:

@@ -88,7 +88,7 @@ def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch
         simulator: Name of the physics engine: `mujoco`, `drake` or `warp`.
         model: Compiled `mujoco.MjModel` of every robot.
         num_envs: Number of robots.
-        nthread: Number of simulation threads; only MuJoCo uses it.
+        nthread: Number of simulation threads; only MuJoCo uses this number.
 
     Returns:
         Interface to the physics engine.

@@ -50,7 +50,7 @@ class FootContactTracker:
         Time is counted in control steps to avoid rounding errors.
         """
         self.swing_time = np.zeros_like(self._air_steps)
-        """Duration of the swing phase of each foot that touched down in the last step, (n, 4), s; else 0."""
+        """Duration of the swing phase of each foot that touched down in the last step, (n, 4), s; 0 for other feet."""
         self.touchdown_speed = np.zeros_like(self._air_steps)
         """Downward speed of each foot that touched down in the last step, (n, 4), m/s; 0 for other feet."""
         self.contact = np.zeros(self._air_steps.shape, bool)

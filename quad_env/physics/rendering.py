@@ -126,10 +126,10 @@ class Camera:
 class TerrainPatch:
     """MuJoCo model in which the height field is cropped to a square around a point, so that it is drawn fast.
 
-    If the model has no height field, it is not changed.
+    If the model has no height field, the model is not changed.
 
     Args:
-        model: MuJoCo model with the whole height field; it is copied.
+        model: MuJoCo model with the whole height field, which this class copies.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -260,8 +260,8 @@ def has_display() -> bool:
 def select_backend() -> None:
     """Make MuJoCo render with EGL, which needs no display, if there is no display.
 
-    If the environment variable MUJOCO_GL is set, its choice is kept. MuJoCo's module `gl_context` is reloaded, because
-    it reads MUJOCO_GL only on import.
+    If the environment variable MUJOCO_GL is set, the rendering backend that the variable names is kept. MuJoCo's module
+    `gl_context` is reloaded, because the module reads MUJOCO_GL only on import.
 
     Raises:
         RuntimeError: EGL is not installed.

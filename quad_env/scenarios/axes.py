@@ -106,7 +106,7 @@ class Axis:
         )
 
     def scaled(self, severity: float, robot: Robot) -> float:
-        """Scale a `severity`, in the unit of the axis, so that it is as hard for `robot` as for SimpleQuad."""
+        """Scale a `severity`, in the unit of the axis, so that the result is as hard for `robot` as for SimpleQuad."""
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
     def of(self, robot: Robot) -> "Axis":

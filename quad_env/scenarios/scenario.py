@@ -87,7 +87,7 @@ def with_hardware_profile(scenario: Scenario) -> Scenario:
     """Return `scenario` with the robot's hardware profile and the name suffix `+hardware`.
 
     The hardware profile has realistic motors, delays, sensors and estimator. If the scenario has the profile already,
-    it is returned unchanged.
+    the scenario is returned unchanged.
     """
     return _with_settings(scenario, hardware=True)
 

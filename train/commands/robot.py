@@ -232,7 +232,7 @@ def _check_teacher(options: RobotPipelineOptions) -> None:
 
 
 def _distil(options: RobotPipelineOptions) -> None:
-    """Distil the teacher, or continue, and copy the best bundle to the robot's models folder."""
+    """Distil the teacher, or continue a distillation, and copy the best bundle to the robot's models folder."""
     from train.commands import distil
     from train.distillation.run import is_finished
 

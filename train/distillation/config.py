@@ -99,8 +99,7 @@ class DistillationConfig:
     """Shortest and longest time for which teacher or student controls a robot before the next random choice, s."""
     noise: float = parameter(0.04, limits=(0.0, 10.0))
     """Standard deviation of the noise on the joint targets, as change of the servo torque / (robot weight x leg
-    length).
-    The noise is added in half of the times in which the teacher controls a robot."""
+    length). The noise is added in half of the times in which the teacher controls a robot."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
     """Time before each fall in which the labels are not used, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
@@ -108,8 +107,8 @@ class DistillationConfig:
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Inputs of the network besides the current observation. If the frequency of their clock is 0, the clock has the
-    step frequency of the teacher."""
+    """Inputs of the network besides the current observation. If the frequency of the clock input is 0, the clock has
+    the step frequency of the teacher."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
     payload=15+slope=10; the suffix +randomised adds domain randomisation."""

@@ -77,7 +77,7 @@ class HalfSum(nn.Module):
 class RunningNormalization(BaseFeaturesExtractor):
     """Normalises observations by their running mean and standard deviation, before the networks receive them.
 
-    An entry that a real robot cannot measure is privileged: only the critic receives it, and it is not normalised.
+    An entry that a real robot cannot measure is privileged: only the critic receives the entry, without normalisation.
 
     Args:
         observation_space: Observation space of the learner.

@@ -310,7 +310,7 @@ class TrainingCallback(BaseCallback):
         self._display.note(f"{state.validated:>10,} validation: {line}")
 
     def _log(self) -> None:
-        """Write the metrics of the last rollout, the update after it, and the validation after it, if there was one.
+        """Write the metrics of the last rollout, of the update after the rollout, and of a validation after the update.
 
         Without this call, SB3 would write the metrics of the update and the validation one rollout later.
         """

@@ -149,8 +149,8 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
     """Return the keyword arguments of `AsymmetricPolicy` for symmetry and normalisation, as name -> value.
 
-    The settings `config.ppo.symmetry` and `config.ppo.normalization` of the run determine them. Without symmetry and
-    normalisation, the dictionary is empty.
+    The settings `config.ppo.symmetry` and `config.ppo.normalization` of the run determine the keyword arguments.
+    Without symmetry and normalisation, the dictionary is empty.
     """
     mirror = None
     structure: dict[str, Any] = {}
@@ -223,7 +223,7 @@ def set_actor(model: PPO, network: Network) -> None:
 
 
 def _actor_mirrors(model: PPO) -> tuple[Mirror, Mirror] | None:
-    """Return the left-right mirrors of the actor's inputs and of its outputs; None if it has no symmetry."""
+    """Return the left-right mirrors of the actor's inputs and of its outputs; None if the actor has no symmetry."""
     policy = cast(AsymmetricPolicy, model.policy)
     if policy.mirrors is None:
         return None
