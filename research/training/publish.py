@@ -183,7 +183,7 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
-    "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
+    "rewards": {"foot_impact": 0.0},
 }
 """Training settings that only older versions of this project have, as in the files of older policies.
 
@@ -212,6 +212,8 @@ def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     for group, removed in _REMOVED_SETTINGS.items():
         values = migrated.get(group, {}) if group else migrated
         for name, allowed in removed.items():
+            if name == "symmetry" and isinstance(values.get(name), str):
+                continue  # The option of this version has the same name and is no bool.
             if values.pop(name, allowed) != allowed and allowed is not None:
                 raise ValueError(f"{name} was removed")
     return migrated

@@ -74,6 +74,12 @@ def test_the_settings_of_every_shipped_policy_can_be_read(file):
     """Older policies have removed settings, with the only remaining value."""
     settings = json.loads(file.read_text(encoding="utf-8"))["training"]
     assert from_dict(migrate_settings(settings)).steps == settings["steps"]
+    kept = settings | {
+        "ppo": settings["ppo"] | {"symmetry": "actor"},
+        "rewards": settings["rewards"] | {"foot_slip": -1.0},
+    }
+    migrated = migrate_settings(kept)
+    assert (migrated["ppo"]["symmetry"], migrated["rewards"]["foot_slip"]) == ("actor", -1.0)
     with pytest.raises(ValueError, match="space was removed"):
         migrate_settings(settings | {"space": "feet"})
 
