@@ -19,7 +19,7 @@ from evaluate.records.provenance import hardware_versions, versions
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, TrainConfig
+from train.config import DEFAULTS, RECIPES, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
@@ -163,7 +163,11 @@ The versions of these packages are recorded in addition to the versions that an 
 def training_command(config: TrainConfig) -> str:
     """Return the command line that repeats the training run with the settings `config`."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    return " ".join(["python -m train", *options, changed_options(DEFAULTS[config.policy], config)])
+    default = DEFAULTS[config.policy]
+    if config.recipe != "default":
+        options.append(f"--recipe {config.recipe}")
+        default = RECIPES[config.recipe]
+    return " ".join(["python -m train", *options, changed_options(default, config)])
 
 
 def changed_options(default: Any, config: Any) -> str:

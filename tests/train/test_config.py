@@ -12,7 +12,7 @@ from quad_env.cli.command_line import UsageError
 from train.commands.run import parse
 from train.config import DEFAULTS, MIXTURE, RECIPES, BaseName, PpoConfig, TrainConfig
 from train.run_folder import CONFIG_FILE
-from train.run_record import differences, from_dict, to_dict
+from train.run_record import differences, from_dict, to_dict, training_command
 from train.training_robots import make_base, robots_per_scenario
 
 
@@ -107,6 +107,16 @@ def test_a_recipe_sets_robot_gains_and_options_and_others_override_it():
     changed = dataclasses.replace(found, kicks=2.0, rewards=dataclasses.replace(found.rewards, gait=0.0))
     assert parse([*recipe, "--kicks", "2", "--rewards.gait", "0"]) == changed
     assert parse([*recipe, "--robot", "go2"]).robot == "go2"
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"commands": "scenario", "robot": "simple_quad"}, {"kicks": 1.0, "base": "crouch", "robot": "go2"}]
+)
+def test_the_command_of_a_run_by_a_recipe_repeats_it(changes):
+    config = dataclasses.replace(RECIPES["joystick"], **changes)
+    words = training_command(config).split()
+    assert parse(words[3:]) == config
+    assert len(words) == 9 + 2 * len(changes)
 
 
 def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
