@@ -176,7 +176,7 @@ class TrotEnv:
 
     Args:
         name: Name of the scenario.
-        start: Initial states of the robots; the environment is reset with their seeds.
+        start: Initial states of the robots and the seeds, (n,), from which the environment makes the same states.
         threads: Number of threads of the simulation.
         robot: Name of the robot, or path of its model file.
     """

@@ -65,7 +65,7 @@ DIFFICULTY_STEP = 0.1
 """Smallest change of the difficulty of a scenario in the curriculum, dimensionless.
 
 The difficulty 0 stands for the mildest level of the scenario's disturbance, for example of its pushes. The difficulty 1
-stands for the severity of the scenario in the option --mixture."""
+stands for the full severity: the one that the option --mixture gives, for example 55 N·s for `push=55`."""
 MIN_INTERVALS = 10
 """Smallest number of finished command intervals in a scenario for which its difficulty may change.
 

@@ -26,7 +26,9 @@ from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_json_values, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
-"""Names of the first scenarios in the battery (named list of scenarios) `quick`."""
+"""Names of three basic scenarios: level ground, nominal pushes and nominal rough ground.
+
+The battery (named list of scenarios) `quick` begins with them."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Name of a disturbance axis -> numbers of its severity levels in the battery `quick`; level 1 is the mildest."""
 LEVELS_ABOVE_NOMINAL = 2

@@ -149,9 +149,11 @@ class PolicyServer:
         self._deadline = deadline
         self._last_heartbeat = time.monotonic()
         self._acts: list[Any] = []
-        """Functions that compute actions: the method `act` of a `Policy`, or else one function per robot, n.
+        """Functions that compute actions.
 
-        The function of a robot is None if the call that makes it has failed.
+        If the user's policy is a `Policy`, the list has one function, the method `act`, which computes the actions of
+        all robots. Otherwise the list has n functions, each for one of the n robots. The function of a robot is None
+        if the call that makes it has failed.
         """
         self._failed = np.zeros(0, np.bool_)
 

@@ -87,7 +87,7 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
     # 3. Remove the parts and forces that the scene does not simulate.
     remove_forces(attached)
     delete_elements(attached.spec, *_REMOVED)
-    # 4. Set the collision rules while the elements still have their ids, then rename the elements.
+    # 4. Set the collision rules first, because they refer to elements by their old names. Then rename the elements.
     overlaps = find_overlaps(mujoco, attached.model, attached.structure, robot.home_pose)
     rules = collect_rules(attached, overlaps)
     rename_elements(attached)

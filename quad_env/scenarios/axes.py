@@ -2,8 +2,9 @@
 
 This module defines the axes and finds an axis by its name. The severity is the strength of the disturbance, in a
 physical unit, such as N·s for pushes. The levels of an axis are numbered severities from harmless to hard, chosen for
-SimpleQuad. At the last level, every policy of this project that walks falls in four of five episodes. On some axes the
-last level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot falls.
+SimpleQuad. At the last level, each policy of this project that walks on level ground falls in four of five episodes.
+On some axes the last level exceeds a physical limit instead, which the docstring of the axis states. On the axis
+`slow` no robot falls.
 """
 
 import math

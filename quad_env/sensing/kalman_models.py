@@ -308,9 +308,10 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
 
 
 def _log_density(vectors: Array, covariances: Array) -> Array:
-    """Return the logarithm of the zero-mean normal density at `vectors`, (…, 3), up to a constant, (…).
+    """Return the logarithm of zero-mean normal densities without its constant term, (…).
 
-    `covariances` are the covariance matrices of the density, (…, 3, 3). The constant cancels in a ratio of densities.
+    The density is evaluated at `vectors`, (…, 3), with the covariance matrices `covariances`, (…, 3, 3). The constant
+    term, -1.5 log(2π), cancels in a ratio of densities.
     """
     distance = (vectors[..., None, :] @ np.linalg.solve(covariances, vectors[..., None]))[..., 0, 0]
     out: Array = -0.5 * (distance + np.log(np.linalg.det(covariances)))

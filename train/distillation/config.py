@@ -126,9 +126,10 @@ class DistillationConfig:
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the simulated robots: the robot and its servo gains, with ideal motors and the true state.
+        """Hardware of the simulated robots: the robot and its servo gains, and ideal motors.
 
-        Scenarios with the robot's hardware profile have the motors, delays and sensors of the real robot instead.
+        Observations are the true state, without sensor models and estimator. Scenarios with the robot's hardware
+        profile have the motors, delays and sensors of the real robot instead.
         """
         return HardwareConfig(robot=self.robot, servo=self.servo)
 

@@ -76,9 +76,10 @@ def _check_control(control: FileSettings) -> None:
 def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
     """Return stiffness, N·m/rad, and damping, N·m·s/rad, of the joint with the name `joint`.
 
-    The keys of the sections `stiffness` and `damping` are parts of joint names. The last key of `stiffness` that is
-    part of the joint's name is the key of both gains. If `damping` lacks this key, the only key of `damping` that is
-    part of the joint's name is used. legged_gym itself fails in this case.
+    The keys of the sections `stiffness` and `damping` are parts of joint names, for example `hip`. The stiffness of a
+    joint is the value of the last key in `stiffness` that occurs in the joint's name. The damping is the value of the
+    same key in `damping`. If `damping` lacks this key, and exactly one other key of `damping` occurs in the joint's
+    name, the damping is the value of that key. legged_gym itself fails without the same key.
     """
     stiffness = control.section("stiffness")
     damping = control.section("damping")

@@ -46,10 +46,11 @@ needed because the network can walk in another way with this correction, even if
 error.
 """
 ROBOT_GAINS_PENALTY = 0.1
-"""Penalty of a correction that sets the robot's own servo gains.
+"""Penalty of a corrected policy specification in which the servo gains are the robot's own, dimensionless.
 
-The penalty is added to the deviation of the walk (velocity error divided by its tolerance). The penalty is
-needed because a policy often walks well with the robot's own gains, even if the specified gains are right.
+Corrected specifications are compared by the relative velocity error of a test walk (velocity error divided by its
+tolerance); the penalty is added to this error. It is needed because a policy often walks well with the robot's own
+gains, even if the specified gains are right.
 """
 _LINKS = "hip", "thigh", "calf"
 
