@@ -64,8 +64,9 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
 
 The ranges include the five parameters of the command map, see `CommandMap`. The search for the open-loop trot does not
 vary these five parameters, but fits them to measured velocities."""
+# Parameter file of the trot with integral action. This is a comment, because a docstring would add the constant to the
+# API pages, with the path on the machine that builds them.
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)
-"""Parameter file of the trot with integral action."""
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:

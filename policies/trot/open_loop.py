@@ -60,8 +60,9 @@ class TrotParameters(CommandMap):
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
 """Parameter name -> (lower, upper) bound of the parameter search for the open-loop trot."""
+# Parameter file of the open-loop trot, which the command `python -m train search trot` writes. This is a comment,
+# because a docstring would add the constant to the API pages, with the path on the machine that builds them.
 FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "trot")
-"""Parameter file of the open-loop trot, which the command `python -m train search trot` writes."""
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
