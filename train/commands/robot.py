@@ -1,8 +1,9 @@
 """All steps for your own robot: `python -m train robot my_robot.xml`.
 
 It describes the robot, checks that a model-predictive controller walks on it, distils this controller into a network
-(the student), exports the network as ONNX, compares student, controller and trot on every axis of disturbance, and
-writes the report. With `--learner residual`, it searches the parameters of a trot and trains a residual policy instead.
+(the student), exports the network as ONNX, compares student, controller and a scripted trot on every axis of
+disturbance, and writes the report. With `--learner residual`, it searches the parameters of a trot and trains a
+residual policy instead.
 Stages that are done are not repeated: after Ctrl-C, or when the computer was switched off, the same command continues.
 """
 
@@ -36,7 +37,7 @@ from train.search import trot
 STUDENT = "student"
 RESIDUAL = "residual"
 """Name of the policy that the pipeline trains, and of its folder in the models folder of the robot."""
-COMPARED = {STUDENT: (STUDENT, "trot"), RESIDUAL: ("trot", "trot_feedback", RESIDUAL)}
+COMPARED = {STUDENT: (STUDENT, "trot_feedback"), RESIDUAL: ("trot", "trot_feedback", RESIDUAL)}
 """Learner, `student` or `residual` -> names of the policies that the pipeline compares by default.
 
 A student is also compared with its teacher.
@@ -85,8 +86,8 @@ class RobotPipelineOptions:
     training: tuple[str, ...] = ()
     """Further options of `python -m train`, in quotes: "--envs 512" or, for a residual, "--ppo.envs 512"."""
     policies: tuple[str, ...] = ()
-    """Names of the policies that are compared after the training; by default teacher, student and trot, or trot,
-    trot_feedback and residual."""
+    """Names of the policies that are compared after the training; by default teacher, student and
+    trot_feedback, or trot, trot_feedback and residual."""
     scenarios: tuple[str, ...] = ("default",)
     """Names of the scenarios on which the policies are compared."""
     episodes: int = parameter(8, limits=(1, 1_000_000))
