@@ -26,12 +26,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
-TRAINED = tuple(
-    sorted({"residual", "student", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))})
-)
+TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
 """Names of the trained policies in the folder `models`.
 
-The names `residual` and `student` are included even if their policy bundles are missing."""
+The name `residual` is in the list even if its policy bundle is missing."""
+STUDENT = "student"
+"""Name of the policy that `python -m train robot` distils for a robot.
+
+The project ships no such policy, so that `names` leaves the name out."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
 
@@ -72,12 +74,12 @@ MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(make_base, base) for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_MPC_GAITS,
-    **{name: partial(_load_shipped, name) for name in TRAINED},
+    **{name: partial(_load_shipped, name) for name in (*TRAINED, STUDENT)},
 }
 """Name of each built-in policy -> function that makes the policy.
 
 The function accepts the keyword arguments `robot` and `control_period` (time between two control steps, s)."""
-_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
+_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED, STUDENT)
 """Names of the built-in policies that may use a dynamics model of the robot.
 
 The functions in `MAKERS` for these policies also accept the keyword arguments `joint_delay_steps` (delay of the
@@ -90,12 +92,13 @@ def names() -> tuple[str, ...]:
     They are the built-in policies, the policies of installed extension packages, and the policies that were registered
     by `add_extension`.
     """
-    return tuple(sorted((*MAKERS, *check_new("policies", MAKERS))))
+    shipped_names = (name for name in MAKERS if name != STUDENT)
+    return tuple(sorted((*shipped_names, *check_new("policies", MAKERS))))
 
 
 def is_missing(name: str, robot: Robot) -> bool:
     """Return True if `name` is a trained policy that has no policy bundle for `robot`."""
-    return name in TRAINED and not (shipped.models_folder(robot) / name).is_dir()
+    return name in (*TRAINED, STUDENT) and not (shipped.models_folder(robot) / name).is_dir()
 
 
 def summary(name: str) -> str:

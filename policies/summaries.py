@@ -28,7 +28,6 @@ SUMMARIES = {
     "mpc_wbc_bound": "bound by mpc_wbc, with a flight phase",
     "mpc_wbc_pronk": "pronk by mpc_wbc, with a flight phase",
     "residual": "learned correction of a trot: of trot_integral on SimpleQuad, of trot_reference on go1 and go2",
-    "student": "network that has learned the actions of mpc_wbc and runs alone; of a robot after `train robot`",
     "robust": "residual with six times as many training steps",
     "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
 }

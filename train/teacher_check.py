@@ -13,7 +13,6 @@ from quad_env.cli.command_line import UsageError
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled_servo_gains
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from train.config import ValidationConfig
 from train.validation import validate
 
@@ -25,7 +24,7 @@ TORQUE_FACTOR = 2.5
 """Factor on the joint torque limit in the test whether a small torque limit is the reason of a failure."""
 FLAT = "flat"
 SLOW = "slow"
-"""Scenario with slow commands, at most 0.1 m/s for SimpleQuad, scaled to the size of the robot."""
+"""Scenario with slow commands, scaled to the size of the robot."""
 
 
 @dataclass(frozen=True)
@@ -147,10 +146,9 @@ def _unexplained(robot: Robot) -> str:
 
     The text has the joint torque limit of the robot as a fraction of weight x leg length.
     """
-    own, known = (f"{_relative_torque(each):.2f}" for each in (robot, SIMPLE_QUAD))
     return (
-        "neither larger joint torques, nor stiffer servos, nor slower commands help (joint torque as a fraction of "
-        f"weight x leg length: {own}, SimpleQuad {known}); python -m quad_env doctor checks masses and home pose"
+        "neither larger joint torques, nor stiffer servos, nor slower commands help (the joint torque is "
+        f"{_relative_torque(robot):.2f} of weight x leg length); python -m quad_env doctor checks masses and home pose"
     )
 
 

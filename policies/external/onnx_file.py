@@ -35,8 +35,11 @@ CORRECTION = "correction"
 """Name of the network's output in the ONNX file of a residual policy."""
 PROBE_COUNT = 16
 """Number of random network inputs for which ONNX runtime and NumPy are compared when a file is loaded."""
-TOLERANCE = 1e-5
+TOLERANCE = 5e-5
 """Maximum difference between the outputs of ONNX runtime and NumPy for the network of a residual policy.
+
+ONNX runtime computes in float32. A sum of 300 terms in a layer, limited to ±64, then has a rounding error of up to
+about 64 · 2⁻²⁴ · √300 = 7e-5; the errors of 1e-5 that were seen are of networks with large weights.
 
 The outputs are corrections of the joint targets, as fractions of the authority (the limit of the correction). If the
 largest output is above 1, the difference is divided by the largest output.

@@ -89,7 +89,8 @@ def of_the_landing(patch: pytest.MonkeyPatch) -> None:
     true_update = FootContactTracker.update
 
     def update(self: FootContactTracker, ids: Any) -> None:
-        self._descent_speed[ids] = np.maximum(self._height[ids] - self._foot_heights(ids), 0.0) / self._period
+        sinking = self._position[ids][..., 2] - self._foot_positions(ids)[..., 2]
+        self._descent_speed[ids] = np.maximum(sinking, 0.0) / self._period
         true_update(self, ids)
 
     patch.setattr(FootContactTracker, "update", update)

@@ -169,16 +169,18 @@ def test_names_are_sorted_and_every_one_can_be_made():
     ours = (
         "behaviour, bound, crouch, document, document_repaired, end_to_end, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
         "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, robust, "
-        "stand, student, trot, trot_feedback, trot_integral, trot_reference, walk"
+        "stand, trot, trot_feedback, trot_integral, trot_reference, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in policies.names():
-        if name == "student":  # a robot has one after `python -m train robot`
-            with pytest.raises(policies.PolicyError, match=r"no trained policy in .*student"):
-                policies.make(name)
-            continue
         assert policies.make(name, servo="own").name == name
         assert policies.resolve(name, servo="own").name == name
+
+
+def test_a_robot_without_a_student_says_so():
+    with pytest.raises(policies.PolicyError, match=r"no trained policy in .*student"):
+        policies.make("student")
+    assert policies.is_missing("student", SIMPLE_QUAD)
 
 
 @pytest.mark.parametrize("ask", [policies.make, policies.resolve])
