@@ -33,7 +33,7 @@ The name `residual` is in the list even if its policy bundle is missing."""
 STUDENT = "student"
 """Name of the policy that `python -m train robot` distils for a robot.
 
-The project ships no such policy, so that `names` leaves the name out."""
+The project ships no student, so that `names` leaves the name out."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
 
