@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from policies.base import Floats
 from policies.history import Inputs
-from policies.network import Network
+from policies.network import Network, fold_normalization
 from policies.poses import Stand
 from policies.residual import ResidualPolicy, authority_of
 from quad_env.config import GRAVITY
@@ -21,6 +20,7 @@ from quad_env.robots.robot import Robot
 from train.distillation.config import DistillationConfig, FitConfig
 from train.distillation.labels import LabelSampler
 from train.residual_env import FloatArray
+from train.torch_network import to_array, to_network
 
 MIN_INPUT_STD = 0.02
 """Lower bound of the standard deviation of an input in the standardisation of the student's inputs.
@@ -103,20 +103,7 @@ class StudentNetwork(nn.Module):
 
         The standardisation of the inputs becomes part of the weights and biases of the first layer.
         """
-        weights = [_array(layer.weight).T for layer in self.layers]
-        biases = [_array(layer.bias) for layer in self.layers]
-        scale = 1.0 / _array(self.std)
-        first = weights[0] * scale[:, None]
-        biases[0] = biases[0] - (_array(self.mean) * scale) @ weights[0]
-        weights[0] = first
-        return Network(
-            tuple(np.ascontiguousarray(each, np.float32) for each in weights),
-            tuple(np.ascontiguousarray(each, np.float32) for each in biases),
-        )
-
-
-def _array(tensor: torch.Tensor) -> NDArray[np.float64]:
-    return tensor.detach().cpu().numpy().astype(np.float64)
+        return fold_normalization(to_network(self.layers), to_array(self.mean), to_array(self.std))
 
 
 class Learner:

@@ -28,6 +28,7 @@ from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
 from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
 from train.sb3.vec_env import TrainingVecEnv
+from train.torch_network import to_array, to_network
 from train.training_robots import PRIVILEGED_TAIL_SIGNS
 
 MIN_LEARNING_RATE = 1e-5
@@ -181,11 +182,10 @@ def actor_network(model: PPO) -> Network:
     running normalisation of the inputs becomes part of the weights of the first layer. For an actor with left-right
     symmetry, the returned network has hidden layers of twice the width.
     """
-    layers = _actor_layers(model)
-    network = Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
+    network = to_network(_actor_layers(model))
     if (running := normalization(model)) is not None:
         seen = slice(network.sizes[0])
-        network = fold_normalization(network, _array(running.mean[seen]), _array(running.std[seen]))
+        network = fold_normalization(network, to_array(running.mean[seen]), to_array(running.std[seen]))
     if (mirrors := _actor_mirrors(model)) is not None:
         network = symmetric_network(network, *mirrors)
     return network
@@ -214,8 +214,8 @@ def set_actor(model: PPO, network: Network) -> None:
         network = half_network(network)
     if (running := normalization(model)) is not None:
         running.freeze()
-        std = _array(running.std[: sizes[0]])
-        network = fold_normalization(network, -_array(running.mean[: sizes[0]]) / std, 1.0 / std)
+        std = to_array(running.std[: sizes[0]])
+        network = fold_normalization(network, -to_array(running.mean[: sizes[0]]) / std, 1.0 / std)
     with torch.no_grad():
         for layer, weights, bias in zip(layers, network.weights, network.biases, strict=True):
             layer.weight.copy_(torch.from_numpy(weights.T))
@@ -235,8 +235,3 @@ def _actor_mirrors(model: PPO) -> tuple[Mirror, Mirror] | None:
 def _actor_layers(model: PPO) -> list[nn.Linear]:
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     return [layer for layer in actor if isinstance(layer, nn.Linear)]
-
-
-def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
-    # The array is copied, because the learner changes the memory of its tensor in place.
-    return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))
