@@ -24,6 +24,7 @@ import tyro
 from evaluate.hardware import parse_robot_option
 from policies import bundle
 from policies.parameters import limits_of, parameter
+from policies.registry import STUDENT
 from policies.shipped import models_folder
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
@@ -34,7 +35,6 @@ from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
-STUDENT = "student"
 RESIDUAL = "residual"
 """Name of the policy that the pipeline trains, and of its folder in the models folder of the robot."""
 COMPARED = {STUDENT: (STUDENT, "trot_feedback"), RESIDUAL: ("trot", "trot_feedback", RESIDUAL)}
@@ -55,8 +55,6 @@ OPTIONS_FILE = "begun.json"
 Later calls with the same folder must have the same options."""
 DESCRIPTION_FILE = "described.txt"
 """Name of the text file with the description of the robot that `python -m quad_env describe` prints."""
-OLD_OPTIONS = {"learner": RESIDUAL, "teacher": "mpc_wbc", "labels": 1_000_000}
-"""Name of an option -> value that the pipeline assumes if an older version has written `OPTIONS_FILE` without it."""
 MUTABLE_OPTIONS = ("out", "threads")
 """Names of the options of the pipeline that may differ between two calls with the same output folder."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
@@ -127,6 +125,10 @@ class RobotPipelineOptions:
         """TOML file with the description of the robot. A user may edit the file before the search."""
         given = Path(self.robot)
         return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
+
+
+OLD_OPTIONS = {"learner": RESIDUAL, **{name: getattr(RobotPipelineOptions, name) for name in LEARNER_OPTIONS[STUDENT]}}
+"""Name of an option -> value that the pipeline assumes if an older version has written `OPTIONS_FILE` without it."""
 
 
 class Stage(NamedTuple):
@@ -238,13 +240,9 @@ def _distil(options: RobotPipelineOptions) -> None:
     from train.distillation.run import is_finished
 
     folder = options.folder / "distillation"
-    words = f"--labels {options.labels} --seed {options.seed} --threads {options.threads}".split()
-    if has_checkpoint(folder):
-        words.append("--resume")
-    further = [word for entry in options.training for word in shlex.split(entry)]
     if not is_finished(folder):
-        own = ["--teacher", options.teacher, "--robot", str(options.toml), "--out", str(folder)]
-        distil.run([*own, *words, *further])
+        words = ["--teacher", options.teacher, "--labels", str(options.labels)]
+        distil.run([*words, *_shared_words(options, folder)])
     bundle.copy(folder / BEST, _model_path(options, STUDENT))
 
 
@@ -260,19 +258,31 @@ def _search(options: RobotPipelineOptions) -> None:
 
 def _train(options: RobotPipelineOptions) -> None:
     """Train a residual policy, or continue its training, and copy the best bundle to the robot's models folder."""
-    from train.commands.run import (
-        run,
-    )  # This import is not at the top of the module, because it would be circular there.
+    # This import is not at the top of the module, because it would be circular there.
+    from train.commands.run import run
 
     folder = options.folder / "training"
-    words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
-    words += f" --seed {options.seed} --threads {options.threads}"
-    if has_checkpoint(folder):
-        words += " --resume"
-    further = [word for entry in options.training for word in shlex.split(entry)]
     if steps_done(folder) < options.steps:
-        run(["--robot", str(options.toml), "--out", str(folder), *words.split(), *further])
+        steps = str(options.steps)
+        words = ["--base", options.base, "--steps", steps, "--validation.interval", steps]
+        run([*words, *_shared_words(options, folder)])
     bundle.copy(folder / BEST, _model_path(options, RESIDUAL))
+
+
+def _shared_words(options: RobotPipelineOptions, folder: Path) -> list[str]:
+    """Return the words of a command line that every kind of training has in this pipeline.
+
+    Args:
+        options: Options of the pipeline.
+        folder: Run folder of the training. If it has a checkpoint, the words continue the run.
+
+    Returns:
+        Robot, seed, threads and run folder, and the further options that the user gave for the training.
+    """
+    resume = ["--resume"] if has_checkpoint(folder) else []
+    run_words = f"--seed {options.seed} --threads {options.threads}".split()
+    further = [word for entry in options.training for word in shlex.split(entry)]
+    return ["--robot", str(options.toml), "--out", str(folder), *run_words, *resume, *further]
 
 
 def _compare(options: RobotPipelineOptions) -> None:
