@@ -155,7 +155,7 @@ def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
 
 
 def test_standing_legs_count_at_a_joint_limit_and_stretched() -> None:
-    """Of two stance legs, one is at its hip limit in 10 + 10 steps, one straight in 10: 30 of 100, relative to 0.7."""
+    """One stance leg is at its hip limit in 10 + 10 steps, the other is straight in 10: 30 of 100, relative to 0.7."""
     joints, contact = signal("joint_position"), signal("foot_contact")
     joints[..., 2::3] = -1.2
     joints[140:150, 1, 0], joints[150:, 1, 0] = SIMPLE_QUAD.joint_lower[0], SIMPLE_QUAD.joint_upper[0]

@@ -37,7 +37,7 @@ def test_a_seed_is_a_surface() -> None:
 
 @pytest.mark.parametrize("name", ["rough", "gravel", "surprise"])
 def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: str) -> None:
-    """Of 64 cells in a grid, 64 episodes draw 41 on average, σ 2.6; no two grounds around a start are equal."""
+    """Episodes draw cells of a grid: 64 episodes 41 of 64 cells on average, σ 2.6, and no two equal grounds."""
     scenario, seeds = SCENARIOS[name], episode_seeds("evaluation", 0, 64).tolist()
     terrain = scenario.terrain
     assert isinstance(terrain, SmoothRandom)
