@@ -116,7 +116,7 @@ class Policy(ABC):
                 f"{self.name} was {mismatch}: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
-        if not self.robot.has_gains((robot.servo_stiffness, robot.servo_damping)):
+        if not self.robot.has_gains(robot.gains):
             raise ValueError(
                 f"{self.name} commands servos of {self.robot.servo}, but the environment's have {robot.servo}: make it "
                 "with robot=policy.robot"

@@ -45,7 +45,7 @@ def check_servo(policy: Policy, robot: Robot, servo: Any) -> None:
     if isinstance(servo, str) and servo == OWN:
         return
     own = policy.robot
-    if own.has_gains((robot.servo_stiffness, robot.servo_damping)):
+    if own.has_gains(robot.gains):
         return
     remedy = f'make it with servo="{OWN}" and its environment with robot=policy.robot'
     if own.has_gains(robot.stiff_servo):

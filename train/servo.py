@@ -22,7 +22,7 @@ def describe_servo(config: TrainConfig) -> str:
     source = f"{base.name}'s"
     if config.servo:
         source = f"--servo {config.servo}"
-    elif base.robot.has_gains(robot.servo_gains()[:, 0]):
+    elif base.robot.has_gains(robot.gains):
         source = f"{robot.name}'s own"
     return f"servos: {base.robot.servo} ({source})"
 
@@ -38,7 +38,7 @@ def check_start_servo(config: TrainConfig, start: Policy) -> None:
         ValueError: The policy has other gains. The message names the option that gives the run these gains.
     """
     robot = make_base(config).robot
-    if not _have_same_gains(start.robot, robot):
+    if not start.robot.has_gains(robot.gains):
         option = _servo_option(start.robot)
         remedy = f"; give --servo {option}" if option else ""
         raise ValueError(f"{config.start} has servos of {start.robot.servo}, this run of {robot.servo}{remedy}")
@@ -61,16 +61,11 @@ def check_resumed_servo(config: TrainConfig) -> None:
         begun = policies.load(config.folder / LAST, robot, servo="own")
     except policies.PolicyError:
         return
-    if not _have_same_gains(begun.robot, robot):
+    if not begun.robot.has_gains(robot.gains):
         option = _servo_option(begun.robot)
         remedy = f"begin another run with --start {config.folder}{f' --servo {option}' if option else ''}"
         fact = f"--resume: the run has servos of {begun.robot.servo}, this version trains it on {robot.servo}"
         raise UsageError(f"{fact}; {remedy}")
-
-
-def _have_same_gains(one: Robot, other: Robot) -> bool:
-    """Return True if two robots have the same servo gains."""
-    return one.has_gains(other.servo_gains()[:, 0])
 
 
 def _servo_option(robot: Robot) -> str:
@@ -80,8 +75,7 @@ def _servo_option(robot: Robot) -> str:
     """
     if robot.has_gains(robot.stiff_servo):
         return STIFF
-    gains = robot.servo_gains()[:, 0]
-    if np.ptp(gains, axis=1).any():
+    if np.ptp(robot.gains, axis=1).any():
         return ""
-    stiffness, damping = gains[:, 0].tolist()
+    stiffness, damping = robot.gains[:, 0].tolist()
     return f"{stiffness}/{damping}"

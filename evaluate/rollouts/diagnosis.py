@@ -196,7 +196,7 @@ def _largest_deviations(
         (len(policies),). The value is infinite if the robot falls or the policy raises an error.
     """
     rows = len(commands) * len(seeds)
-    gains = np.array([(policy.robot.servo_stiffness, policy.robot.servo_damping) for policy in policies])
+    gains = np.array([policy.robot.gains for policy in policies])
     hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
     stack = PolicyStack(policies, replace_nonfinite=True, idle_when_fallen=True, robot=hardware.mean_robot())
     walks = run_walks(stack, hardware, commands, seeds, len(policies), shortened_by)

@@ -182,7 +182,7 @@ class PolicyServer:
 
         Other callables command the servos of the robot as they are; the result is then None.
         """
-        return self._loaded.robot.servo_gains()[:, 0] if isinstance(self._loaded, Policy) else None
+        return self._loaded.robot.gains if isinstance(self._loaded, Policy) else None
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Reset the policy for n robots.

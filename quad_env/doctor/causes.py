@@ -149,9 +149,8 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     if stance.is_overloaded:
         return
     stiffness, damping = (_rounded(gain) for gain in scaled_servo_gains(robot))
-    in_force = np.stack((robot.servo_stiffness, robot.servo_damping))
     proposed = np.array(((float(stiffness),), (float(damping),)))
-    if (np.abs(in_force / proposed - 1.0) < GAIN_TOLERANCE).all():
+    if (np.abs(robot.gains / proposed - 1.0) < GAIN_TOLERANCE).all():
         return
     other = robot.with_servo(float(stiffness), float(damping))
     is_soft = not stance.diverged and stance.tracking_error > LIMITS.tracking_error

@@ -100,14 +100,19 @@ class Robot(RobotParameters):
             Servo gains, (2, num_robots, 12): first the stiffness, N·m/rad, then the damping, N·m·s/rad.
         """
         if servo is None:
-            servo = (self.servo_stiffness, self.servo_damping)
+            servo = self.gains
         elif isinstance(servo, str) and servo == STIFF:
             servo = self.stiff_servo
         return parse_servo_gains(servo, num_robots)
 
+    @property
+    def gains(self) -> Floats:
+        """Servo gains of all joints, (2, 12): stiffness, N·m/rad, and damping, N·m·s/rad."""
+        return np.array((self.servo_stiffness, self.servo_damping))
+
     def has_gains(self, gains: Any) -> bool:
         """Return True if the servos have these `gains`: stiffness, N·m/rad, and damping, N·m·s/rad, each (12,)."""
-        return np.array_equal((self.servo_stiffness, self.servo_damping), gains)
+        return np.array_equal(self.gains, gains)
 
     @cached_property
     def with_stiff_servos(self) -> "Robot":

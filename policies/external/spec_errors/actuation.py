@@ -152,7 +152,7 @@ def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
         Corrections of the fields `stiffness` and `damping`.
     """
     joint_ids = map_joints(spec.joints, robot).joint_ids
-    robot_gains = np.array((robot.servo_stiffness, robot.servo_damping))[:, joint_ids]
+    robot_gains = robot.gains[:, joint_ids]
     for penalty, gains in ((ROBOT_GAINS_PENALTY, robot_gains), *((0.0, gains) for gains in _scaled_gains(spec))):
         stiffness, damping = gains.tolist()
         changed = replace(spec, stiffness=tuple(stiffness), damping=tuple(damping))
