@@ -19,6 +19,12 @@ TURN = 2.0 * np.pi
 """Increase of the phase of a gait clock in one gait cycle, 2π rad."""
 
 
+FREQUENCY_FILTER_GAIN = 0.3
+"""Gain per control period of the low-pass filter of the step frequency, 0 to 1."""
+MIN_HURRY_ERROR = 0.4
+"""Horizontal velocity error above which the step frequency is increased, m/s."""
+
+
 class LegCycle(NamedTuple):
     """Swing or stance phase of legs, and the elapsed fraction of this phase.
 
@@ -104,6 +110,21 @@ def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Fl
         Phase after the time step, in [0, 2π) rad.
     """
     return (phase + TURN * frequency * period) % TURN
+
+
+def frequency_increase(velocity_error: Floats, gain: float, limit: float) -> Floats:
+    """Compute the increase of the step frequency of a robot with a large velocity error, for example after a push.
+
+    Args:
+        velocity_error: Horizontal velocity error of each robot, (n,), m/s.
+        gain: Increase per velocity error in excess of `MIN_HURRY_ERROR`, Hz per m/s.
+        limit: Largest increase, Hz.
+
+    Returns:
+        The increase of each robot, (n,), Hz, before the low-pass filter with `FREQUENCY_FILTER_GAIN`.
+    """
+    increase: Floats = (gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, limit)
+    return increase
 
 
 def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:

@@ -32,6 +32,17 @@ class Inputs(Settings):
     """Frequency of a clock with its sine and cosine as network inputs, Hz; 0: no clock."""
     clock_at_rest: Literal["shown", "hidden"] = "shown"
     """hidden: the two clock inputs are 0 while the velocity command is zero, so that the robot can stand."""
+    clock_gain: Annotated[float, Bounds("from 0 to 100 Hz per m/s", 0.0, 100.0)] = 0.0
+    """Increase of the clock's frequency per horizontal velocity error in excess of 0.4 m/s, Hz per m/s.
+
+    A robot that is pushed then steps faster, as with a model-based controller."""
+    clock_limit: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 2.0
+    """Largest increase of the clock's frequency, Hz."""
+
+    position_error: Annotated[float, Bounds("from 0 m to 100 m", 0.0, 100.0)] = 0.0
+    """Bound of the position error that is a network input, m, and of its yaw error, rad; 0: no such input.
+
+    The position error is the integral of the velocity error since the last change of the command."""
 
     @property
     def frames(self) -> int:

@@ -80,7 +80,8 @@ def feature_mirror(base: Policy, inputs: Inputs) -> Mirror:
     vector = signs_mirror(VECTOR_SIGNS)
     observation = [vector, signs_mirror(ROTATION_SIGNS), vector, joints, joints, joints, signs_mirror(COMMAND_SIGNS)]
     clock = [signs_mirror(CLOCK_SIGNS)] if inputs.clock else []
-    return concatenate_mirrors([*observation, *clock, *(observation * inputs.frames)])
+    odometer = [signs_mirror(COMMAND_SIGNS)] if inputs.position_error else []
+    return concatenate_mirrors([*observation, *clock, *odometer, *(observation * inputs.frames)])
 
 
 def concatenate_mirrors(mirrors: Sequence[Mirror]) -> Mirror:

@@ -4,9 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
+from policies.gait_cycle import FREQUENCY_FILTER_GAIN, TURN, frequency_increase
 from policies.history import History, Inputs
 from policies.memory import PerRobotState, initialize_state, per_robot
 from policies.network import Network
+from policies.velocity_error_integral import VelocityErrorIntegral
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
@@ -42,6 +44,7 @@ class Features(PerRobotState):
       pose. Points that the sensor does not see are 0, so that a lost scan looks like level ground;
     - if the base policy has a gait clock: sine and cosine of its gait phase, and its action minus the home pose;
     - if `inputs` defines an additional clock: sine and cosine of the phase of this clock;
+    - if `inputs` bounds the position error: forward and lateral position error, m, and yaw error, rad;
     - if `inputs` defines a history: past observations and averages of observations.
 
     A reset of this object does not reset the base policy; the caller must reset it.
@@ -54,7 +57,12 @@ class Features(PerRobotState):
     ticks: Floats = per_robot(0.0)
     """Number of control steps of each robot since its reset, (n,)."""
     clock_offset: Floats = per_robot(0.0)
-    """Phase of the clock of each robot at its reset, (n,), rad; the training can draw it, otherwise it is zero."""
+    """Phase of the clock of each robot minus the phase of a clock with constant frequency, (n,), rad.
+
+    A training can draw the phase at the reset of the robot; otherwise it is zero. Then the offset grows while the clock
+    is faster than its frequency at rest."""
+    clock_increase: Floats = per_robot(0.0)
+    """Present increase of the clock's frequency because of the velocity error, (n,), Hz."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base = base
@@ -64,8 +72,11 @@ class Features(PerRobotState):
         """Number of observation elements that precede the height scan. The history consists of these elements only."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
+        self._position_error = VelocityErrorIntegral(inputs.position_error, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
+        clock = 2 if inputs.clock else 0
+        odometer = 3 if inputs.position_error else 0
+        self.width = self._table.size + gaited + clock + odometer + self._history.width
         """Number of network inputs (features) of each robot."""
         super().__init__()
 
@@ -87,13 +98,49 @@ class Features(PerRobotState):
         if isinstance(self.base, GaitedPolicy):
             seen += [_phase_features(self.base.phase), base_action - _home(self.base.robot)]
         if self.inputs.clock:
+            if self.inputs.clock_gain:
+                self._adapt_clock(observation)
             clock = _phase_features(self.clock_phase)
             if self.inputs.clock_at_rest == "hidden":
                 clock[~observation[:, self._table.slices["command"]].any(axis=1)] = 0.0
             seen += [clock]
+        if self.inputs.position_error:
+            seen += [self._integrate_velocity_error(observation)]
         if self._history.width:
             seen += [self._history.update(scaled[:, : self._own])]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
+
+    def _integrate_velocity_error(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the position error of all robots, (n, 3), see `VelocityErrorIntegral`.
+
+        The velocities are in the body frame, from `observation`, (n, k), with k numbers per robot.
+        """
+        slices = self._table.slices
+        horizontal = observation[:, slices["linear_velocity"]][:, :2]
+        yaw_rate = observation[:, slices["angular_velocity"]][:, 2:]
+        velocity = np.nan_to_num(np.concatenate((horizontal, yaw_rate), axis=1).astype(np.float64))
+        command = observation[:, slices["command"]].astype(np.float64)
+        return self._position_error.update(command, velocity).astype(np.float32)
+
+    def _adapt_clock(self, observation: NDArray[np.float32]) -> None:
+        """Adapt the frequency of the clock of each robot to its horizontal velocity error.
+
+        The velocity error is measured in the body frame, from `observation`, (n, k), with k numbers per robot.
+        """
+        slices = self._table.slices
+        velocity = observation[:, slices["linear_velocity"]].astype(np.float64)
+        command = observation[:, slices["command"]].astype(np.float64)
+        error = np.hypot(velocity[:, 0] - command[:, 0], velocity[:, 1] - command[:, 1])
+        # The clock of a robot whose observation is not finite keeps its frequency.
+        target = frequency_increase(error, self.inputs.clock_gain, self.inputs.clock_limit)
+        target = np.where(np.isfinite(error), target, self.clock_increase)
+        self.clock_increase = self.clock_increase + FREQUENCY_FILTER_GAIN * (target - self.clock_increase)
+        self.clock_offset = self.clock_offset + TURN * self.base.control_period * self.clock_increase
+
+    @property
+    def clock_frequency(self) -> Floats:
+        """Present frequency of the additional clock that `inputs` defines, (n,), Hz."""
+        return self.inputs.clock + self.clock_increase
 
     @property
     def clock_phase(self) -> Floats:

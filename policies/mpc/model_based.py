@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from policies.base import Actions, GaitedPolicy, Mask, Policy, to_actions
 from policies.behaviour.motion import Stop
 from policies.contact.motion_state import MotionState
-from policies.gait_cycle import TURN, Floats, Gait, LegCycle
+from policies.gait_cycle import FREQUENCY_FILTER_GAIN, TURN, Floats, Gait, LegCycle, frequency_increase
 from policies.memory import initialize_state, per_robot
 from policies.mpc.contact import (
     EARLY_CONTACT_PHASE,
@@ -34,7 +34,7 @@ from policies.mpc.footing import (
     swing_trajectory,
 )
 from policies.mpc.joint_predictor import JointPredictor
-from policies.mpc.motion import PositionErrorIntegrator, add_load, estimate_load
+from policies.mpc.motion import PositionFeedback, add_load, estimate_load
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.rigid_body import Friction
@@ -47,10 +47,6 @@ from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 
-FREQUENCY_FILTER_GAIN = 0.3
-"""Gain per control period of the low-pass filter of the step frequency, 0 to 1."""
-MIN_HURRY_ERROR = 0.4
-"""Horizontal velocity error above which the step frequency is increased, m/s."""
 MAX_JOINT_ACCELERATION = 2000.0
 """Bound of the absolute planned joint accelerations, rad/s².
 
@@ -207,11 +203,22 @@ class ModelBased(GaitedPolicy):
         self.joint_predictor = JointPredictor(joint_delay_steps, control_period)
         self.observer = DelayCompensator(robot, Dynamics(robot), control_period, actuator, joint_delay_steps)
         self.terrain_estimator = TerrainEstimator(parameters.slope_time, control_period)
-        self.position_feedback = PositionErrorIntegrator(
-            parameters.farthest_behind, control_period, parameters.fastest_return
-        )
+        self.position_feedback = PositionFeedback(parameters.farthest_behind, control_period, parameters.fastest_return)
         self._stop = Stop(robot, control_period)
+        self._external_clock: tuple[Floats, Floats] | None = None
+        """Phase, (n,), rad, and step frequency, (n,), Hz, that the caller has set for the gait clock, or None."""
         initialize_state(self, _frequencies=self.frequency, _targets=robot.home_pose)
+
+    def set_gait_clock(self, phase: Floats, frequency: Floats) -> None:
+        """Set the gait clock of all robots at the next action, in place of the controller's own clock.
+
+        Once the method has been called, the caller must call it before every action.
+
+        Args:
+            phase: Phase of the gait clock at the next action, (n,), rad.
+            frequency: Step frequency, (n,), Hz.
+        """
+        self._external_clock = (phase % TURN, frequency)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         observation_invalid = self._observation_invalid
@@ -293,11 +300,16 @@ class ModelBased(GaitedPolicy):
     def _advance_gait_clock(self, state: MotionState) -> None:
         """Advance the gait clock of each robot by one control step.
 
-        The clock runs at the step frequency. A large velocity error of the robot raises the step frequency.
+        The clock runs at the step frequency. A large velocity error of the robot raises the step frequency. If the
+        caller has set an external clock, the gait clock has its phase and frequency instead.
         """
         p = self.parameters
+        if self._external_clock is not None:
+            self._tick()
+            self._phase, self._frequencies = self._external_clock
+            return
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
-        faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
+        faster = frequency_increase(velocity_error, p.frequency_gain, p.most_faster)
         self._frequencies = self._frequencies + FREQUENCY_FILTER_GAIN * (self.frequency + faster - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats
-from policies.memory import PerRobotState, per_robot
+from policies.velocity_error_integral import VelocityErrorIntegral
 from quad_env.columns import EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import cross, skew
@@ -60,14 +60,10 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
     return replaced
 
 
-class PositionErrorIntegrator(PerRobotState):
-    """Integrates the velocity error of n robots into a position error, and corrects the velocity command by it.
+class PositionFeedback(VelocityErrorIntegral):
+    """Corrects the velocity commands of n robots by their position errors.
 
     The correction is an additional velocity that reduces the position error.
-
-    The velocity error is commanded minus actual velocity, in the heading frame (yaw only). A new command resets the
-    position error to zero. `ConvexMPCLocomotion` in MIT's Cheetah-Software uses a position set point for the same
-    purpose.
 
     Args:
         max_error: Bound of the forward and lateral position error, m, and of the yaw error, rad.
@@ -76,18 +72,9 @@ class PositionErrorIntegrator(PerRobotState):
             is faster, the limit is the speed of this command.
     """
 
-    position_error: Floats = per_robot(np.zeros(3))
-    """Integrated velocity error (commanded minus actual velocity), heading frame (yaw only), (n, 3).
-
-    The numbers are forward and lateral position error, m, and yaw error, rad."""
-    _command: Floats = per_robot(np.zeros(3))
-    """Velocity command of the last control step, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s."""
-
     def __init__(self, max_error: float, period: float, max_return_speed: float = np.inf) -> None:
-        self._max_error = max_error
-        self._period = period
         self._max_return_speed = max_return_speed
-        super().__init__()
+        super().__init__(max_error, period)
 
     def with_position_feedback(self, state: MotionState, gain: float) -> MotionState:
         """Update the position error, and return the state with a command that also corrects this error.
@@ -100,12 +87,7 @@ class PositionErrorIntegrator(PerRobotState):
             The state with the corrected command: command + gain × position error, with a limited horizontal speed.
         """
         velocity = np.concatenate((state.velocity[:, :2], state.angular_velocity[:, 2:]), axis=1)
-        position_error = self.position_error + self._period * (state.command - velocity)
-        is_same_command = (state.command == self._command).all(axis=1, keepdims=True)
-        bounded_error = position_error.clip(-self._max_error, self._max_error)
-        self.position_error = np.where(is_same_command, bounded_error, 0.0)
-        self._command = state.command
-        command = state.command + gain * self.position_error
+        command = state.command + gain * self.update(state.command, velocity)
         speed = np.hypot(command[:, 0], command[:, 1])
         commanded_speed = np.hypot(state.command[:, 0], state.command[:, 1])
         max_speed = np.maximum(commanded_speed, self._max_return_speed)

@@ -149,8 +149,8 @@ class LabelCollector:
         if self._restarted.any():
             self._teacher.reset_where(self._restarted)
             self._features.reset_where(self._restarted)
-        targets = self._teacher.act()
         inputs = self._features.update(self._observation, self._base_actions)
+        targets = self._teacher.act(self._features.clock_phase, self._features.clock_frequency)
         corrections = np.clip((targets - self._home) / self._authority, np.float32(-1.0), np.float32(1.0))
         return inputs, corrections
 

@@ -107,8 +107,8 @@ class DistillationConfig:
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Inputs of the network besides the current observation. If the frequency of the clock input is 0, the clock has
-    the step frequency of the teacher."""
+    """Inputs of the network besides the current observation. If the frequency of the clock input is 0, the network has
+    the gait clock of the teacher."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
     payload=15+slope=10; the suffix +randomised adds domain randomisation."""

@@ -29,8 +29,8 @@ from train.curriculum import with_terrain_seed
 from train.distillation.collection import LabelCollector
 from train.distillation.config import DistillationConfig
 from train.distillation.labels import LabelStore
-from train.distillation.student import Learner, StudentNetwork, make_policy, make_pose, student_inputs
-from train.distillation.teacher import PrivilegedTeacher, clock_frequency, make_teacher
+from train.distillation.student import Learner, StudentNetwork, make_policy, make_pose
+from train.distillation.teacher import PrivilegedTeacher, make_teacher, student_inputs
 from train.learning_curve import write_curve
 from train.run_folder import (
     BEST,
@@ -156,7 +156,7 @@ class Distillation:
         self._interrupt = interrupt
         teacher = make_teacher(config)
         self._robot = teacher.robot
-        self._inputs = student_inputs(config, clock_frequency(teacher))
+        self._inputs = student_inputs(config, teacher)
         self._robots = make_robots(config, self._robot)
         self._teacher = PrivilegedTeacher(config, self._robots)
         features = Features(make_pose(self._robot), self._inputs)

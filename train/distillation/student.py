@@ -4,7 +4,6 @@ The module also converts the trained network to a policy.
 """
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -160,21 +159,6 @@ class Learner:
             rate = final_rate + 0.5 * (rate - final_rate) * (1.0 + float(np.cos(np.pi * fraction)))
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-
-
-def student_inputs(config: DistillationConfig, frequency: float) -> Inputs:
-    """Return the inputs of the student's network besides the current observation, from the settings `config`.
-
-    If the settings have no clock, the inputs get a clock with the `frequency` of the teacher, Hz.
-
-    Args:
-        config: Settings of the distillation.
-        frequency: Step frequency of the teacher, Hz; 0 if the teacher has no gait clock.
-
-    Returns:
-        The inputs.
-    """
-    return config.inputs if config.inputs.clock else replace(config.inputs, clock=frequency)
 
 
 def make_policy(config: DistillationConfig, robot: Robot, network: Network, inputs: Inputs) -> ResidualPolicy:

@@ -10,6 +10,8 @@ import numpy as np
 
 import policies
 from policies.base import Actions, GaitedPolicy, Policy
+from policies.gait_cycle import Floats
+from policies.history import Inputs
 from policies.mpc.model_based import ModelBased
 from policies.residual import ResidualPolicy
 from quad_env.cli.command_line import UsageError
@@ -21,8 +23,7 @@ from train.training_robots import MultiScenarioVectorEnv
 def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) -> Policy:
     """Make a new instance of the teacher, the policy that a student learns to imitate.
 
-    The clock of a model-based teacher runs at a constant frequency, because the student has a constant clock. The
-    teacher knows the motors of the hardware profile, but its observation is always the true state.
+    The teacher knows the motors of the hardware profile, but its observation is always the true state.
 
     Args:
         config: Settings of the distillation.
@@ -38,8 +39,6 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
     try:
         teacher = config.hardware.policy(config.teacher, config.trust)
         options: dict[str, Any] = {}
-        if isinstance(teacher, ModelBased) and teacher.parameters.frequency_gain:
-            options["parameters"] = dataclasses.replace(teacher.parameters, frequency_gain=0.0)
         if on_hardware_profile:
             options |= {"on_hardware_profile": True, "sensors": "truth", "robot": teacher.robot}
         return config.hardware.policy(config.teacher, config.trust, **options) if options else teacher
@@ -47,10 +46,32 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
         raise UsageError(f"--teacher: {error}") from None
 
 
-def clock_frequency(teacher: Policy) -> float:
-    """Return the step frequency of the gait of a `teacher`, Hz; 0 if the teacher has no gait clock."""
+def student_inputs(config: DistillationConfig, teacher: Policy) -> Inputs:
+    """Return the inputs of the student's network besides the current observation.
+
+    If the settings have no clock, the inputs get the gait clock of the teacher. From a model-based controller they also
+    get the increase of the step frequency after a push, and the position error that the controller corrects.
+
+    Args:
+        config: Settings of the distillation.
+        teacher: Teacher of the student.
+
+    Returns:
+        The inputs.
+    """
     gait = teacher.base if isinstance(teacher, ResidualPolicy) else teacher
-    return gait.frequency if isinstance(gait, GaitedPolicy) else 0.0
+    if config.inputs.clock or not isinstance(gait, GaitedPolicy):
+        return config.inputs
+    inputs = dataclasses.replace(config.inputs, clock=gait.frequency)
+    if not isinstance(gait, ModelBased):
+        return inputs
+    parameters = gait.parameters
+    return dataclasses.replace(
+        inputs,
+        clock_gain=parameters.frequency_gain,
+        clock_limit=parameters.most_faster,
+        position_error=parameters.farthest_behind if parameters.position_gain else 0.0,
+    )
 
 
 class PrivilegedTeacher:
@@ -88,10 +109,24 @@ class PrivilegedTeacher:
         for policy, rows in self._groups:
             policy.reset_where(mask[rows])
 
-    def act(self) -> Actions:
-        """Return the joint targets of the teacher for the true present state of all robots, (n, 12), rad."""
+    def act(self, clock_phase: Floats, clock_frequency: Floats) -> Actions:
+        """Return the joint targets of the teacher for the true present state of all robots.
+
+        A model-based controller uses the gait clock of the student. Otherwise the student could not predict the labels
+        from its own clock, because the teacher hurries when the true velocity error is large, and the student when the
+        measured one is.
+
+        Args:
+            clock_phase: Phase of the student's clock, (n,), rad.
+            clock_frequency: Frequency of the student's clock, (n,), Hz.
+
+        Returns:
+            Joint targets, (n, 12), rad.
+        """
         observation = self._robots.true_observation(self._height_scan)
         actions = np.empty((self._robots.num_envs, self._robots.robot.num_joints), np.float32)
         for policy, rows in self._groups:
+            if isinstance(policy, ModelBased):
+                policy.set_gait_clock(clock_phase[rows], clock_frequency[rows])
             actions[rows] = policy.act(observation[rows])
         return actions

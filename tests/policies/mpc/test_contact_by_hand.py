@@ -8,7 +8,7 @@ import pytest
 from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactEstimator, ContactState, classify_contacts, wrench_to_acceleration
-from policies.mpc.motion import PointLoad, PositionErrorIntegrator, estimate_load
+from policies.mpc.motion import PointLoad, PositionFeedback, estimate_load
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
@@ -228,7 +228,7 @@ def following(velocity: tuple[float, float], command: tuple[float, float, float]
 
 def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
     """The velocity is short by 0.5 and 0.2 m/s, and 0.4 rad/s, for 10 ms each; a new command resets its own robot."""
-    odometer = PositionErrorIntegrator(0.6, 0.01)
+    odometer = PositionFeedback(0.6, 0.01)
     odometer.reset(2)
     now = following((0.5, -0.2), (1.0, 0.0, 0.4))
     np.testing.assert_allclose(odometer.with_position_feedback(now, 2.0).command[0], now.command[0])
@@ -247,7 +247,7 @@ def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
 def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fastest_return() -> None:
     """0.6 m at 2 / s would add 1.2 m/s; the sum is limited to 1.2 m/s, or to a larger command (1.5 m/s)."""
     for command, expected in (((1.0, 0.0, 0.0), 1.2), ((1.5, 0.0, 0.0), 1.5), ((0.3, 0.0, 0.0), 1.2)):
-        odometer = PositionErrorIntegrator(0.6, 0.01, 1.2)
+        odometer = PositionFeedback(0.6, 0.01, 1.2)
         odometer.reset(2)
         now = following((-0.5, 0.0), command, -1.0)
         for _ in range(200):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.contact.motion_state import compute_motion_state
-from policies.mpc.motion import PositionErrorIntegrator
+from policies.mpc.motion import PositionFeedback
 from policies.mpc.parameters import MpcParameters, parameters_of
 from policies.mpc.policy import MpcWbc
 from quad_env.physics.dynamics import Dynamics
@@ -21,7 +21,7 @@ def commands(
     seconds: float, p: MpcParameters = P, *, then: tuple[float, float, float] | None = None, **terms: Any
 ) -> np.ndarray:
     """Return the corrected commands of two robots after some time at constant readings; the second has no error."""
-    odometer, asked = PositionErrorIntegrator(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
+    odometer, asked = PositionFeedback(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
     odometer.reset(2)
     rows = reading(2, command=[0.4, 0.0, 0.2])
     rows[1] = reading(command=[0.4, 0.0, 0.2], linear_velocity=[0.4, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.2])
