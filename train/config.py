@@ -22,7 +22,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import user_rewards
 
 PolicyKind = Literal["residual", "end-to-end"]
-RecipeName = Literal["default", "joystick"]
+RecipeName = Literal["default", "joystick", "improve"]
 BaseName = Literal[
     "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
     "stand", "trot", "trot_feedback", "trot_integral", "trot_reference", "walk",
@@ -122,6 +122,15 @@ class PpoConfig:
     log_std_init: float = parameter(-2.0, limits=_LOG_STD_LIMITS)
     """Natural logarithm of the standard deviation of the exploration noise at the start of the run. The noise is a
     fraction of --joint-authority or --hip-authority."""
+    critic_steps: int = parameter(0, limits=(0, 10**12))
+    """Number of learner steps at the start in which only the value network learns, so that it does not spoil the
+    network of --start."""
+    cloning: float = parameter(0.0, limits=(0.0, 1e3))
+    """Weight of the cloning loss at the start: the KL divergence of the policy from the network of --start, nat."""
+    cloning_steps: int = parameter(5_000_000, limits=(1, 10**12))
+    """Number of learner steps in which the weight of the cloning loss falls linearly to --ppo.cloning-final."""
+    cloning_final: float = parameter(0.0, limits=(0.0, 1e3))
+    """Weight of the cloning loss after --ppo.cloning-steps."""
     log_std_final: float | None = parameter(None, limits=_LOG_STD_LIMITS)
     """Natural logarithm of the standard deviation of the exploration noise at the last step, to which it changes
     linearly; by default the standard deviation is learned."""
@@ -158,7 +167,8 @@ class TrainConfig:
     base policy; --base is a fixed pose, crouch or stand."""
     recipe: RecipeName = "default"
     """Set of default values of all other options. joystick: --robot go1 learns to walk from scratch in minutes; only
-    for --policy end-to-end."""
+    for --policy end-to-end. improve: --start is a network that walks already, for example a student of --teacher, and
+    learns what it fails."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
     # The upper limit is 10**12 - 1, because the file name of a checkpoint has twelve digits for the number of steps.
@@ -289,9 +299,36 @@ _JOYSTICK = TrainConfig(
         normalization="running",
     ),
 )  # fmt: skip
+IMPROVE_MIXTURE = (
+    ("flat:2", 0.05), ("flat:4", 0.05), ("push:3", 0.10), ("push:4", 0.05), ("rough:4", 0.06), ("force:3", 0.06),
+    ("force:4", 0.03), ("slope:5", 0.05), ("stairs:3", 0.06), ("stairs:4", 0.03), ("gravel:4", 0.05), ("soft:5", 0.03),
+    ("slippery:4", 0.03), ("payload:4", 0.04), ("weak_motors:4", 0.03), ("slow_motors:4", 0.03), ("latency:4", 0.04),
+    ("noise:4", 0.03), ("dropout:5", 0.03), ("surprise:3", 0.04), ("flat:3+hardware", 0.02), ("push:3+hardware", 0.04),
+    ("rough:3+hardware", 0.03), ("force:3+hardware", 0.04), ("stairs:3+hardware", 0.03), ("gravel:3+hardware", 0.03),
+    ("latency:3+hardware", 0.02), ("surprise:2+hardware", 0.02),
+)  # fmt: skip
+"""Scenarios of the recipe `improve`, each with the fraction of the robots that train on it.
+
+Every disturbance axis is included at a level at which a student of a model-based controller often fails."""
+_IMPROVE = TrainConfig(
+    policy="end-to-end", recipe="improve", base="stand", steps=10_000_000, mixture=IMPROVE_MIXTURE, curriculum=0.6,
+    effort_ramp=0.0, rewards=REWARDS,
+    ppo=PpoConfig(
+        envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=3e-4, target_kl=0.01, hold=2, gamma=0.99,
+        log_std_init=-3.5, log_std_final=-4.2, critic=(256, 128), critic_steps=400_000, cloning=0.1,
+        cloning_final=0.01, cloning_steps=3_000_000,
+    ),
+    validation=ValidationConfig(
+        interval=2_000_000, episodes=8,
+        scenarios=(
+            "flat", "push:3", "rough:3", "force:3", "slope:5", "stairs:3", "latency:4", "surprise:3",
+            "push:3+hardware", "force:3+hardware",
+        ),
+    ),
+)  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Kind of policy, "residual" or "end-to-end" -> its default settings of a training run."""
-RECIPES: dict[RecipeName, TrainConfig] = {"joystick": _JOYSTICK}
+RECIPES: dict[RecipeName, TrainConfig] = {"joystick": _JOYSTICK, "improve": _IMPROVE}
 """Name of a recipe -> its default settings of a training run.
 
 The recipe `default` is missing here, because its settings depend on the kind of policy, see `DEFAULTS`."""

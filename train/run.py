@@ -1,12 +1,7 @@
 """Runs a PPO training: makes the robots, the learner and the callbacks, and starts or resumes the training."""
 
 import contextlib
-from pathlib import Path
 
-import numpy as np
-from stable_baselines3 import PPO
-
-import policies
 from policies.residual import authority_of
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
@@ -16,7 +11,6 @@ from train.residual_env import ResidualVectorEnv
 from train.run_folder import (
     BEST,
     CHECKPOINTS,
-    has_checkpoint,
     new_run_folder,
     refuse_folder_in_use,
     report_write_errors,
@@ -25,10 +19,11 @@ from train.run_record import evaluation_command, training_command, write_setting
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, TrainingCallback
 from train.sb3.log import run_logger
-from train.sb3.ppo import REWARD_SCALE, make_ppo, set_actor
+from train.sb3.ppo import REWARD_SCALE, make_ppo
 from train.sb3.progress import ProgressDisplay, ProgressEstimator
 from train.sb3.vec_env import TrainingVecEnv
-from train.servo import check_resumed_servo, check_start_servo, describe_servo
+from train.servo import check_resumed_servo, describe_servo
+from train.start import load_initial_network
 from train.training_robots import make_bases, make_robots, training_seeds
 
 
@@ -58,7 +53,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
             check_resumed_servo(config)
             checkpoint.restore(model, resumed)
         elif config.start is not None:
-            _load_initial_network(model, config, config.start)
+            load_initial_network(model, config, config.start)
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
@@ -88,30 +83,6 @@ def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoi
     notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
     notices += [f"continuing at {done:,} steps"] if resumed else []
     return notices
-
-
-def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
-    """Load the network of the policy bundle or run in the folder `start` into a new learner `model`.
-
-    Raises UsageError if the network or the settings of that policy do not fit the new run.
-    """
-    try:
-        policy = policies.load(start, config.hardware.robot_model, servo="own")
-        if policy.base.name != config.base:
-            raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
-        set_actor(model, policy.network)
-        if policy.features.inputs != config.inputs:
-            raise ValueError(f"{start} has other --inputs than this run")
-        authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
-        if not np.allclose(policy.authority, authority):
-            raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
-        check_start_servo(config, policy)
-        if policy.bounded != (config.correction == "bounded"):
-            raise ValueError(f"{start} has another --correction than this run")
-    except (policies.PolicyError, ValueError) as error:
-        raise UsageError(f"--start: {error}") from None
-    if has_checkpoint(start):
-        checkpoint.load_networks(model, start / CHECKPOINTS)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from policies.mpc.model_based import ModelBased
 from policies.network import Network
 from policies.residual import Features
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
@@ -26,6 +27,10 @@ def check_the_teacher_observes_the_true_state() -> None:
 
 def check_the_teacher_is_reset_with_its_robot() -> None:
     test_collection.test_the_teacher_is_reset_with_its_robot()
+
+
+def check_the_teacher_has_the_clock_of_the_student() -> None:
+    test_collection.test_a_model_based_teacher_has_the_gait_clock_of_the_student()
 
 
 def check_the_policy_acts_as_the_student_in_training() -> None:
@@ -105,6 +110,10 @@ FAULTS: Faults = {
     "a student's history that is not reset with its robot": (
         _history_of_the_episode_before,
         check_the_policy_acts_as_the_student_in_training,
+    ),
+    "a teacher with a gait clock of its own": (
+        lambda patch: patch.setattr(ModelBased, "set_gait_clock", lambda *_: None),
+        check_the_teacher_has_the_clock_of_the_student,
     ),
     "another clock in evaluation than in training": (_another_clock, check_the_policy_acts_as_the_student_in_training),
     "a normalisation that is not folded": (

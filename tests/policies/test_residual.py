@@ -134,6 +134,39 @@ def test_a_hidden_clock_shows_where_the_command_is_to_move():
     np.testing.assert_allclose(phase, 2.0 * np.pi * 2.5 * 0.01 * 4 + np.array((0.0, 1.0)))
 
 
+def test_a_clock_hurries_while_the_velocity_error_is_large():
+    """The error of the first robot is 1.4 m/s, 1 m/s above the limit; the second robot has 0.3 m/s, the third NaN."""
+    features = Features(policies.make("stand"), Inputs(clock=2.5, clock_gain=0.8, clock_limit=0.6))
+    features.reset(3)
+    seen = np.zeros((3, OBSERVATION_SIZE), np.float32)
+    seen[:, OBSERVATION["command"]] = 0.6, -0.8, 0.5
+    seen[:, OBSERVATION["linear_velocity"]] = [[-0.24, 0.32, 3.0], [0.6, -0.5, 0.0], [np.nan, 0.0, 0.0]]
+    turns = np.zeros(3)
+    for step in range(1, 30):
+        clock = features.update(seen, np.zeros((3, 12), np.float32))[:, -2:]
+        frequency = 2.5 + np.array([0.6 * (1.0 - 0.7**step), 0.0, 0.0])
+        turns += 0.01 * frequency
+        np.testing.assert_allclose(features.clock_frequency, frequency, atol=1e-6)
+        expected = np.stack((np.sin(2.0 * np.pi * turns), np.cos(2.0 * np.pi * turns)), axis=1)
+        np.testing.assert_allclose(clock, expected, atol=1e-5)
+
+
+def test_the_position_error_is_the_integral_of_the_velocity_error_since_the_last_command():
+    features = Features(policies.make("stand"), Inputs(position_error=0.05))
+    features.reset(1)
+    seen = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    seen[:, OBSERVATION["linear_velocity"]] = 0.2, 0.3, 9.0
+    seen[:, OBSERVATION["angular_velocity"]] = 9.0, 9.0, -0.1
+    for command, steps, expected in (
+        ((0.7, 0.0, 0.4), 5, (0.02, -0.012, 0.02)),
+        ((0.7, 0.0, 0.3), 40, (0.05, -0.05, 0.05)),
+    ):
+        seen[:, OBSERVATION["command"]] = command
+        for _ in range(steps):
+            shown = features.update(seen, np.zeros((1, 12), np.float32))[0, -3:]
+        np.testing.assert_allclose(shown, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize(("bounded", "share"), [(True, 1.0), (False, 1.5)])
 def test_a_correction_is_clipped_only_with_bounds(bounded, share):
     home = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)

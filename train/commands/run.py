@@ -132,7 +132,13 @@ def _defaults(words: list[str]) -> TrainConfig:
         raise
     if given.resume and not wants_help:
         return dataclasses.replace(load_config(given.folder), out=given.out)
-    return default_settings(given)
+    defaults = default_settings(given)
+    if given.start is None:
+        return defaults
+    # The module is imported here, because it imports torch, and --help must answer at once.
+    from train.start import with_start_settings
+
+    return with_start_settings(defaults, given.start)
 
 
 def _basic_config() -> type[TrainConfig]:

@@ -4,6 +4,7 @@ The critic (value network) observes more than the actor (policy network). Option
 mirror symmetry, and their observations are normalised by a running mean and standard deviation.
 """
 
+import copy
 from typing import Any
 
 import gymnasium as gym
@@ -149,6 +150,7 @@ class AsymmetricPolicy(ActorCriticPolicy):
         mirrors: Left-right mirror of an observation with its privileged entries, and mirror of an action; None if the
             networks have no symmetry.
         mirror_critic: True to give the critic the left-right symmetry, too.
+        cloning: True to add a reference actor, so that `evaluate_actions` can compute the cloning loss.
         **kwargs: Keyword arguments of the base class.
     """
 
@@ -158,6 +160,7 @@ class AsymmetricPolicy(ActorCriticPolicy):
         privileged: int = 0,
         mirrors: tuple[Mirror, Mirror] | None = None,
         mirror_critic: bool = False,
+        cloning: bool = False,
         **kwargs: Any,
     ) -> None:
         self._privileged = privileged
@@ -166,7 +169,74 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
         None if the networks have no symmetry."""
         self._mirror_critic = mirror_critic
+        self.cloning_weight = 0.0
+        """Present weight of the cloning loss: the KL divergence of the policy from the reference actor, nat."""
+        self.entropy_weight = 0.0
+        """Weight of the entropy bonus, only with a reference actor; SB3's own weight is then 1."""
         super().__init__(*args, **kwargs)
+        self.reference = None
+        """Copy of the layers of the actor before its first update, with constant weights; None without cloning.
+
+        The copy computes the mean actions of the policy with which the training has started."""
+        if cloning:
+            self.keep_reference()
+
+    def keep_reference(self) -> None:
+        """Make the present actor the reference actor, from which the cloning loss measures the distance."""
+        self.reference = copy.deepcopy(nn.Sequential(self.mlp_extractor.policy_net, self.action_net))
+        self.reference.requires_grad_(False)
+
+    def freeze_actor(self, is_frozen: bool) -> None:
+        """Exclude the mean action from the updates if `is_frozen` is True, so that only the value network learns."""
+        for module in (self.mlp_extractor.policy_net, self.action_net):
+            module.requires_grad_(not is_frozen)
+
+    def evaluate_actions(
+        self, obs: Any, actions: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor | None]:
+        """Return values, logarithms of the action probabilities, and the terms that PPO maximises besides the reward.
+
+        Without a reference actor, the third result is the entropy, as in SB3. With a reference actor, the third result
+        is the weighted entropy minus the weighted cloning loss. SB3 multiplies the third result by its entropy weight,
+        which is then 1.
+
+        Args:
+            obs: Observations, (n, k), with k entries per observation.
+            actions: Actions, (n, 12).
+
+        Returns:
+            Values, (n, 1); logarithms of the probabilities, (n,); and the further terms, (n,).
+        """
+        values, log_prob, entropy = super().evaluate_actions(obs, actions)
+        if self.reference is None or entropy is None:
+            return values, log_prob, entropy
+        terms = self.entropy_weight * entropy
+        if self.cloning_weight:
+            terms = terms - self.cloning_weight * self._divergence(obs)
+        return values, log_prob, terms
+
+    def _divergence(self, obs: torch.Tensor) -> torch.Tensor:
+        """Return the KL divergence, (n,), nat, of the policy from the reference actor at n observations `obs`, (n, k).
+
+        Both have the exploration noise of the policy, which this function treats as constant.
+        """
+        features = self.extract_features(obs)
+        mean = self._mean_actions(self.action_net(self.mlp_extractor.forward_actor(features)))
+        with torch.no_grad():
+            assert self.reference is not None
+            reference = self._mean_actions(self.reference(features))
+            std = self.log_std.exp()
+        return 0.5 * (((mean - reference) / std) ** 2).sum(dim=1)
+
+    def _mean_actions(self, outputs: torch.Tensor) -> torch.Tensor:
+        """Return mean actions, (n, 12), from the outputs of the actor.
+
+        With symmetry, the outputs have the rows of n observations, and then the rows of their n mirror images.
+        """
+        if self.mirrors is None:
+            return outputs
+        first, second = outputs.chunk(2)
+        return 0.5 * (first + self.action_mirror(second))
 
     def _build_mlp_extractor(self) -> None:
         super()._build_mlp_extractor()
@@ -186,6 +256,5 @@ class AsymmetricPolicy(ActorCriticPolicy):
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         if self.mirrors is None:
             return super()._get_action_dist_from_latent(latent_pi)
-        first, second = self.action_net(latent_pi).chunk(2)
-        mean = 0.5 * (first + self.action_mirror(second))
+        mean = self._mean_actions(self.action_net(latent_pi))
         return self.action_dist.proba_distribution(mean, self.log_std)

@@ -29,6 +29,7 @@ from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import decode, to_dict, write_validations
 from train.sb3 import checkpoint
+from train.sb3.actor_critic import AsymmetricPolicy
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import ProgressDisplay, RecentIntervals
 from train.sb3.vec_env import TrainingVecEnv
@@ -241,7 +242,13 @@ class TrainingCallback(BaseCallback):
         if ppo.log_std_final is not None:
             fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
             self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
-        if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
+        policy = cast(AsymmetricPolicy, self._learner.policy)
+        only_critic = self.num_timesteps < ppo.critic_steps
+        policy.freeze_actor(only_critic)
+        if ppo.cloning:
+            faded = min(self.num_timesteps / ppo.cloning_steps, 1.0)
+            policy.cloning_weight = ppo.cloning + (ppo.cloning_final - ppo.cloning) * faded
+        if isinstance(rate := self._learner.learning_rate, AdaptiveRate) and not only_critic:
             # The logger has the KL divergence of the last update under this name; before the first update, it has none.
             if (kl := self.logger.name_to_value.get("train/approx_kl")) is not None:
                 rate.update(float(kl))

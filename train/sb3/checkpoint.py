@@ -38,6 +38,7 @@ KEPT_CHECKPOINTS = 2
 _POLICY = "policy."
 _OPTIMISER = "optimiser."
 _ACTIONS = "robots.actions"
+_REFERENCE = "reference."
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,11 @@ def load_networks(model: PPO, folder: Path) -> None:
         UsageError: The networks in the checkpoint have another shape, or the folder has no checkpoint.
     """
     weights = with_prefix(load(folder).tensors, _POLICY)
+    if not weights:  # A distillation has no value network.
+        return
+    own = model.policy.state_dict()
+    weights = {name: value for name, value in weights.items() if not name.startswith(_REFERENCE)}
+    weights |= {name: value for name, value in own.items() if name.startswith(_REFERENCE)}
     _fit_scenarios(weights, model)
     try:
         model.policy.load_state_dict(weights)

@@ -134,15 +134,19 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
         "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
         "activation_fn": nn.ELU,
         "ortho_init": True,
+        "cloning": ppo.cloning > 0.0,
     }
     model = RolloutPpo(
         AsymmetricPolicy, env, learning_rate(ppo), n_steps=ppo.rollout_steps, batch_size=ppo.minibatch,
-        n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2, ent_coef=ppo.entropy,
+        n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2,
+        ent_coef=1.0 if ppo.cloning else ppo.entropy,
         vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device=config.device,
         policy_kwargs={**network, "log_std_init": ppo.log_std_init, "privileged": env.privileged},
     )  # fmt: skip
     for parameter in model.policy.action_net.parameters():
         nn.init.zeros_(parameter)
+    policy = cast(AsymmetricPolicy, model.policy)
+    policy.entropy_weight = ppo.entropy
     model.policy.log_std.requires_grad_(ppo.log_std_final is None)
     return model
 

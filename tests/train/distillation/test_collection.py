@@ -98,6 +98,30 @@ def test_the_teacher_is_reset_with_its_robot():
     np.testing.assert_array_equal(steps[:40, 0], np.arange(1, 41))
 
 
+def test_a_model_based_teacher_has_the_gait_clock_of_the_student():
+    """Pushes raise the velocity errors, so that the clocks of the robots hurry."""
+    config = replace(
+        CONFIG, teacher="mpc_wbc", envs=3, round_steps=120, mixture=(("push=60", 1.0),), max_episode_steps=90
+    )
+    teacher = teachers.make_teacher(config)
+    inputs = teachers.student_inputs(config, teacher)
+    assert (inputs.clock, inputs.clock_gain) == (teacher.frequency, teacher.parameters.frequency_gain)
+    robots = make_robots(config, teacher.robot)
+    group = PrivilegedTeacher(config, robots)
+    features = Features(make_pose(teacher.robot), inputs)
+    each = LabelCollector(config, robots, group, features, authority_of(teacher.robot, 0.9, 2.0))
+    each.start_segment([1, 2, 3], np.random.default_rng(0))
+    hurried = 0.0
+    for _ in range(120):
+        _, corrections = each._label()
+        controller = group._groups[0][0]
+        np.testing.assert_allclose(np.exp(1j * controller.phase), np.exp(1j * features.clock_phase), atol=1e-9)
+        np.testing.assert_array_equal(controller._frequencies, features.clock_frequency)
+        hurried = max(hurried, float(features.clock_increase.max()))
+        each._step(each._home + each._authority * corrections)
+    assert hurried > 0.3
+
+
 def test_who_drives_is_drawn_by_the_teachers_share():
     drivers = DriverSchedule(CONFIG, 1000, 0.01, np.random.default_rng(0))
     mean = []
