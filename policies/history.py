@@ -40,7 +40,7 @@ class Inputs(Settings):
     """Largest increase of the clock's frequency, Hz."""
 
     position_error: Annotated[float, Bounds("from 0 m to 100 m", 0.0, 100.0)] = 0.0
-    """Bound of the position error that is a network input, m, and of its yaw error, rad; 0: no such input.
+    """Bound of the position error that is a network input, m, and of its yaw error, rad; 0: not an input.
 
     The position error is the integral of the velocity error since the last change of the command."""
 

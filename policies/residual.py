@@ -131,7 +131,7 @@ class Features(PerRobotState):
         velocity = observation[:, slices["linear_velocity"]].astype(np.float64)
         command = observation[:, slices["command"]].astype(np.float64)
         error = np.hypot(velocity[:, 0] - command[:, 0], velocity[:, 1] - command[:, 1])
-        # The clock of a robot whose observation is not finite keeps its frequency.
+        # If the observation of a robot is not finite, its clock keeps the present frequency.
         target = frequency_increase(error, self.inputs.clock_gain, self.inputs.clock_limit)
         target = np.where(np.isfinite(error), target, self.clock_increase)
         self.clock_increase = self.clock_increase + FREQUENCY_FILTER_GAIN * (target - self.clock_increase)

@@ -168,7 +168,7 @@ class TrainConfig:
     recipe: RecipeName = "default"
     """Set of default values of all other options. joystick: --robot go1 learns to walk from scratch in minutes; only
     for --policy end-to-end. improve: --start is a network that walks already, for example a student of --teacher, and
-    learns what it fails."""
+    learns to resist harder disturbances."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
     # The upper limit is 10**12 - 1, because the file name of a checkpoint has twelve digits for the number of steps.

@@ -43,7 +43,7 @@ class Phase(IntEnum):
 
 
 Legs = tuple[float, float, float, float, float, float]
-"""Six joint angles, rad: hip, thigh and calf of a front leg, then the same of a hind leg.
+"""Six joint angles, rad: hip, thigh and calf of a front leg, then hip, thigh and calf of a hind leg.
 
 A positive hip angle moves the leg outward, away from the trunk."""
 
