@@ -29,7 +29,7 @@ MAX_LOCALS = 12
 """Maximum number of names that a function assigns."""
 LIMITS: dict[str, dict[str, int]] = {
     "quad_env": {"functions over 12 locals": 1, "packed assignments of two": 13, "words": 3},
-    "policies": {"packed assignments of two": 4, "words": 1},
+    "policies": {"packed assignments of two": 4},
     "evaluate": {"packed assignments of two": 2},
     "train": {"packed assignments of two": 3},
     "live": {},
