@@ -13,7 +13,7 @@ from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import find_actuator
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.config import PhysicsOptions, RewardWeights
+from quad_env.config import PhysicsOptions, RewardWeights, TaskConfig
 from quad_env.physics.simulators import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -49,10 +49,12 @@ MAX_SEED = 2**32 - 1
 Stable-Baselines3 (SB3) passes the seed to the global random generator of NumPy, which accepts no larger seed."""
 _LOG_STD_LIMITS = (-20.0, 2.0)
 _WIDTH_LIMITS = {"limits": (1, 4096)}
+CONTROL_PERIOD = 1.0 / TaskConfig.control_rate
+"""Time between two actions of a policy in training, s."""
 TIMESTEP = 0.005
-"""Physics time step in training, s. Validation and evaluation use the time step of the robot, 0.002 s."""
+"""Default physics time step in training, s. Validation and evaluation use the time step of the robot, 0.002 s."""
 SOLVER_ITERATIONS = 4
-"""Largest number of iterations of MuJoCo's contact solver per physics step in training.
+"""Default limit of the iterations of MuJoCo's contact solver per physics step in training.
 
 Validation and evaluation use the number of the robot model, 30, and a shorter time step. A control step then takes
 three to four times as long as with `TIMESTEP` and `SOLVER_ITERATIONS`."""
@@ -215,6 +217,11 @@ class TrainConfig:
     """Largest velocity change of a robot by a kick, m/s; 0: no kicks. A kick is a horizontal force for 0.05 to 0.2 s,
     every 1 to 3 s."""
     physics: PhysicsOptions = dataclasses.field(default_factory=PhysicsOptions)
+    timestep: float | None = parameter(TIMESTEP, limits=(1e-4, CONTROL_PERIOD))
+    """Physics time step in training, s; a control step is a whole number of them. None: value of the robot model."""
+    solver_iterations: int | None = parameter(SOLVER_ITERATIONS, limits=(1, 1000))
+    """Largest number of iterations of the contact solver per physics step in training, only with --device cpu. None:
+    value of the robot model."""
     curriculum: float = parameter(0.1, limits=(0.0, 1.0))
     """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). The
     difficulty rises if the robots track their commands, and falls if they do not. 1: full severity from the start."""
@@ -372,6 +379,7 @@ def check(config: TrainConfig) -> None:
     except ValueError as error:
         raise UsageError(str(error)) from None
     check_mixture(config.mixture, config.hardware.robot_model)
+    _check_physics_steps(config)
     if config.device == "cuda":
         _check_warp(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.robot_model)
@@ -393,6 +401,18 @@ def _check_hardware_profile(config: TrainConfig) -> None:
         raise UsageError(
             f"{on_profile}: the profile has its own --actuator, --sensors and --estimator: leave these out"
         )
+
+
+def _check_physics_steps(config: TrainConfig) -> None:
+    """Raise UsageError if time step or solver iterations of the physics do not fit control period or simulator."""
+    if config.timestep is not None:
+        steps = round(CONTROL_PERIOD / config.timestep)
+        if abs(steps * config.timestep - CONTROL_PERIOD) > 1e-9:
+            fact = f"a control step of {CONTROL_PERIOD:g} s is no whole number of physics steps"
+            valid = ", ".join(f"{CONTROL_PERIOD / count:g}" for count in (10, 5, 4, 2, 1))
+            raise UsageError(f"--timestep: {fact}, got {config.timestep:g}; valid: {valid}")
+    if config.device == "cuda" and config.solver_iterations != SOLVER_ITERATIONS:
+        raise UsageError(f"--solver-iterations: valid with only --device cpu, got {config.solver_iterations}")
 
 
 def _check_extension_rewards(config: TrainConfig) -> None:

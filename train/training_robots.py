@@ -28,7 +28,7 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import REWARD
-from train.config import EFFORT_TERMS, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
+from train.config import EFFORT_TERMS, TrainConfig
 from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
@@ -433,8 +433,8 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     scenario = with_training_options(scenario, config)
     effort_weights = {term: effort * getattr(config.rewards, term) for term in EFFORT_TERMS}
     task = TaskConfig(
-        timestep=TIMESTEP,
-        solver_iterations=SOLVER_ITERATIONS if config.device == "cpu" else None,
+        timestep=config.timestep,
+        solver_iterations=config.solver_iterations if config.device == "cpu" else None,
         physics=config.physics,
         reward_weights=dataclasses.replace(config.rewards, **effort_weights),
     )

@@ -11,6 +11,7 @@ from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.commands.run import parse
 from train.config import DEFAULTS, MIXTURE, RECIPES, BaseName, PpoConfig, TrainConfig
+from train.run import make_env
 from train.run_folder import CONFIG_FILE
 from train.run_record import differences, from_dict, to_dict, training_command
 from train.training_robots import make_base, robots_per_scenario
@@ -74,6 +75,10 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
         ("--sensors typical --mixture push+hardware 1.0", r"push\+hardware: the profile has its own --actuator"),
+        ("--timestep 0.004", r"--timestep: .*whole number of physics steps, got 0\.004; valid: .*0\.0025, 0\.005"),
+        ("--timestep 0.02", "--timestep must be from"),
+        ("--solver-iterations 0", "--solver-iterations must be from 1"),
+        ("--solver-iterations 8 --device cuda", "--solver-iterations: .*only --device cpu, got 8"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
 )
@@ -86,6 +91,14 @@ def test_bad_input_is_one_line_that_names_it(arguments, complaint):
 def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
     assert get_args(BaseName) == tuple(BASES)
     assert [parse(["--base", name]).base for name in BASES] == list(BASES)
+
+
+def test_steps_of_the_physics_may_be_those_of_the_robot():
+    words = "--timestep None --solver-iterations None --ppo.envs 2 --mixture flat 1 --threads 1"
+    env = make_env(parse([*words.split(), "--ppo.minibatch", "24"]))
+    option = env.env.unwrapped.batches[0].simulation.model.opt
+    assert (option.timestep, option.iterations) == (0.002, 30)
+    env.close()
 
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():

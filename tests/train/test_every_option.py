@@ -39,6 +39,7 @@ WORDS = (
     "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
     "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --inputs.clock-at-rest hidden --correction scaled "
     "--clock-phase random --commands random --kicks 2 --physics.contacts feet-trunk --reward-floor -0.3 "
+    "--timestep 0.0025 --solver-iterations 7 "
     "--mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
     "--effort-ramp 1 --max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
     "--ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
@@ -160,6 +161,18 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "physics": (
         lambda ran: [each.env.config.physics for each in (ran.of("training")[0], ran.of("validation")[0])],
         [PhysicsOptions(contacts="feet-trunk"), PhysicsOptions()],
+    ),
+    "timestep": (
+        lambda ran: [
+            each.env.simulation.model.opt.timestep for each in (ran.of("training")[0], ran.of("validation")[0])
+        ],
+        [0.0025, 0.002],
+    ),
+    "solver_iterations": (
+        lambda ran: [
+            each.env.simulation.model.opt.iterations for each in (ran.of("training")[0], ran.of("validation")[0])
+        ],
+        [7, 30],
     ),
     "reward_floor": (lambda ran: ran.learner.get_env()._reward_floor, -0.3),
     "mixture": (

@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -57,6 +57,8 @@ class FitConfig:
     """Learning rate of the AdamW optimiser at the last gradient step."""
     weight_decay: float = parameter(1e-4, limits=(0.0, 1.0))
     """Weight decay of the AdamW optimiser."""
+    loss: Literal["torque", "target"] = "torque"
+    """torque: Huber loss of the servo torques; target: squared error of the joint targets, rad²."""
     huber: float = parameter(0.08, limits=(1e-4, 100.0))
     """Error of a servo torque at which the Huber loss changes from quadratic to linear, as a fraction of robot weight x
     leg length."""
@@ -107,8 +109,13 @@ class DistillationConfig:
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Inputs of the network besides the current observation. If the frequency of the clock input is 0, the network has
-    the gait clock of the teacher."""
+    """Inputs of the network besides the current observation. If the frequency of the clock input is 0, --clock and
+    --position-error decide about clock and position error."""
+    clock: Literal["teacher", "constant", "none"] = "teacher"
+    """Clock input of the network. teacher: gait clock of the teacher, which steps faster after a push; constant: clock
+    of the teacher's step frequency, which does not; none: no clock, the teacher walks by its own."""
+    position_error: Literal["teacher", "none"] = "teacher"
+    """teacher: the network has the position error as an input if the teacher corrects it; none: it does not."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
     payload=15+slope=10; the suffix +randomised adds domain randomisation."""
@@ -123,6 +130,11 @@ class DistillationConfig:
     def folder(self) -> Path:
         """Folder of the run: `out`, or the default folder if `out` is None."""
         return self.out if self.out is not None else Path("runs") / f"{Path(self.robot).stem}-student-{self.seed}"
+
+    @property
+    def has_student_clock(self) -> bool:
+        """True if the student has a gait clock, which a model-based teacher then uses too."""
+        return self.inputs.clock > 0.0 or self.clock != "none"
 
     @property
     def hardware(self) -> HardwareConfig:

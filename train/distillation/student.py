@@ -119,10 +119,13 @@ class Learner:
         self.network = network
         self._fit = fit
         self.optimiser = torch.optim.AdamW(network.parameters(), fit.learning_rate, weight_decay=fit.weight_decay)
-        self._scale = torch.from_numpy((authority / torque_unit_as_angle(robot)).astype(np.float32))
-        """Change of the servo torque of each joint per unit of its correction, (12,).
+        scale = authority / torque_unit_as_angle(robot) if fit.loss == "torque" else authority
+        self._scale = torch.from_numpy(scale.astype(np.float32))
+        """Error that the loss measures, of each joint per unit of its correction, (12,).
 
-        The torque is a fraction of robot weight x leg length. A correction of 1 is the largest correction."""
+        With the loss of torques, the error is the change of the servo torque, as a fraction of robot weight x leg
+        length. With the loss of targets, it is the change of the joint target, rad. A correction of 1 is the largest
+        correction."""
 
     def learn(self, sampler: LabelSampler, updates: int, final_rate: float | None = None) -> float:
         """Update the network by gradient steps on random minibatches of labels.
@@ -141,13 +144,19 @@ class Learner:
             self._set_rate(index / max(updates - 1, 1), final_rate)
             inputs, corrections = (torch.from_numpy(each) for each in sampler.sample())
             errors = (self.network(inputs) - corrections) * self._scale
-            loss = nn.functional.huber_loss(errors, torch.zeros_like(errors), delta=self._fit.huber)
+            loss = self._loss(errors)
             self.optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(self.network.parameters(), MAX_GRADIENT_NORM)
             self.optimiser.step()
             losses[index] = loss.item()
         return float(losses[-max(updates // 10, 1) :].mean()) if updates else float("nan")
+
+    def _loss(self, errors: torch.Tensor) -> torch.Tensor:
+        """Return the loss of m samples, from the errors of their joints, scaled by `_scale`, (m, 12)."""
+        if self._fit.loss == "target":
+            return errors.square().mean()
+        return nn.functional.huber_loss(errors, torch.zeros_like(errors), delta=self._fit.huber)
 
     def _set_rate(self, fraction: float, final_rate: float | None) -> None:
         """Set the learning rate for the gradient step after a `fraction` of all steps, 0 to 1.

@@ -49,8 +49,9 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
 def student_inputs(config: DistillationConfig, teacher: Policy) -> Inputs:
     """Return the inputs of the student's network besides the current observation.
 
-    If the settings have no clock, the inputs get the gait clock of the teacher. From a model-based controller they also
-    get the increase of the step frequency after a push, and the position error that the controller corrects.
+    If `config.inputs` has no clock, the inputs get the gait clock of the teacher. From a model-based controller they
+    also get the increase of the step frequency after a push, and the position error that the controller corrects. The
+    settings `clock` and `position_error` can leave out each of these inputs.
 
     Args:
         config: Settings of the distillation.
@@ -62,16 +63,15 @@ def student_inputs(config: DistillationConfig, teacher: Policy) -> Inputs:
     gait = teacher.base if isinstance(teacher, ResidualPolicy) else teacher
     if config.inputs.clock or not isinstance(gait, GaitedPolicy):
         return config.inputs
-    inputs = dataclasses.replace(config.inputs, clock=gait.frequency)
+    inputs = dataclasses.replace(config.inputs, clock=gait.frequency if config.has_student_clock else 0.0)
     if not isinstance(gait, ModelBased):
         return inputs
     parameters = gait.parameters
-    return dataclasses.replace(
-        inputs,
-        clock_gain=parameters.frequency_gain,
-        clock_limit=parameters.most_faster,
-        position_error=parameters.farthest_behind if parameters.position_gain else 0.0,
-    )
+    if config.clock == "teacher":
+        inputs = dataclasses.replace(inputs, clock_gain=parameters.frequency_gain, clock_limit=parameters.most_faster)
+    if config.position_error == "teacher" and parameters.position_gain:
+        inputs = dataclasses.replace(inputs, position_error=parameters.farthest_behind)
+    return inputs
 
 
 class PrivilegedTeacher:
@@ -96,6 +96,7 @@ class PrivilegedTeacher:
             if (on_profile == profile).any()
         ]
         self._height_scan = self._groups[0][0].height_scan
+        self._has_student_clock = config.has_student_clock
         for policy, _ in self._groups:
             policy.check_compatible(robots.robot, robots.dt)
 
@@ -114,11 +115,11 @@ class PrivilegedTeacher:
 
         A model-based controller uses the gait clock of the student. Otherwise the student could not predict the labels
         from its own clock, because the teacher hurries when the true velocity error is large, and the student when the
-        measured one is.
+        measured one is. If the student has no clock, the controller uses its own.
 
         Args:
-            clock_phase: Phase of the student's clock, (n,), rad.
-            clock_frequency: Frequency of the student's clock, (n,), Hz.
+            clock_phase: Phase of the student's clock, (n,), rad; not used if it has none.
+            clock_frequency: Frequency of the student's clock, (n,), Hz; not used if it has none.
 
         Returns:
             Joint targets, (n, 12), rad.
@@ -126,7 +127,7 @@ class PrivilegedTeacher:
         observation = self._robots.true_observation(self._height_scan)
         actions = np.empty((self._robots.num_envs, self._robots.robot.num_joints), np.float32)
         for policy, rows in self._groups:
-            if isinstance(policy, ModelBased):
+            if self._has_student_clock and isinstance(policy, ModelBased):
                 policy.set_gait_clock(clock_phase[rows], clock_frequency[rows])
             actions[rows] = policy.act(observation[rows])
         return actions

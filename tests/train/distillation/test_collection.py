@@ -122,6 +122,36 @@ def test_a_model_based_teacher_has_the_gait_clock_of_the_student():
     assert hurried > 0.3
 
 
+@pytest.mark.parametrize("position_error", ["teacher", "none"])
+@pytest.mark.parametrize("clock", ["teacher", "constant", "none"])
+def test_clock_and_position_error_of_the_student_are_choices(clock, position_error):
+    config = replace(CONFIG, teacher="mpc_wbc", clock=clock, position_error=position_error)
+    teacher = teachers.make_teacher(config)
+    inputs = teachers.student_inputs(config, teacher)
+    assert inputs.clock == (0.0 if clock == "none" else teacher.frequency)
+    assert (inputs.clock_gain > 0.0) == (clock == "teacher")
+    assert (inputs.position_error > 0.0) == (position_error == "teacher")
+    assert (inputs.lags, inputs.averages) == (config.inputs.lags, config.inputs.averages)
+
+
+def test_a_teacher_walks_by_its_own_clock_if_the_student_has_none():
+    config = replace(CONFIG, teacher="mpc_wbc", clock="none", envs=3, mixture=(("flat", 1.0),))
+    teacher = teachers.make_teacher(config)
+    robots = make_robots(config, teacher.robot)
+    group = PrivilegedTeacher(config, robots)
+    features = Features(make_pose(teacher.robot), teachers.student_inputs(config, teacher))
+    each = LabelCollector(config, robots, group, features, authority_of(teacher.robot, 0.9, 2.0))
+    each.start_segment([1, 2, 3], np.random.default_rng(0))
+    phases = []
+    for _ in range(12):
+        _, corrections = each._label()
+        phases.append(group._groups[0][0].phase.copy())
+        each._step(each._home + each._authority * corrections)
+    frequency = np.angle(np.exp(1j * np.diff(phases, axis=0))) / (2.0 * np.pi * robots.dt)
+    assert frequency.min() > teacher.frequency - 1e-9
+    assert frequency.max() < teacher.frequency + teacher.parameters.most_faster
+
+
 def test_who_drives_is_drawn_by_the_teachers_share():
     drivers = DriverSchedule(CONFIG, 1000, 0.01, np.random.default_rng(0))
     mean = []
