@@ -14,6 +14,7 @@ from evaluate.analysis.comparison import Comparison, compare, default_baseline
 from evaluate.analysis.pareto import Pareto, compute_pareto
 from evaluate.analysis.ranking import Ranking, correct_p_values, rank_policies
 from evaluate.analysis.score import Score, compute_scores, select_scored_cells
+from evaluate.analysis.seed_groups import SeedGroup, summarise_groups
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.cells import PolicyScenarioResult
 from evaluate.hardware import HardwareConfig
@@ -98,6 +99,8 @@ class Results:
 
     The hardware profile consists of models of the real robot's motors and sensors.
     """
+    groups: tuple[SeedGroup, ...]
+    """Groups of policies that one algorithm has trained with several seeds, in the order of the evaluation."""
     versions: Mapping[str, str | None]
     """Name of a package, rule or library -> version with which the episodes were simulated.
 
@@ -187,6 +190,7 @@ def analyse(
         hardware_scores=hardware_scores,
         pareto=front,
         hardware_pareto=hardware_front,
+        groups=summarise_groups(cells, origin.get("groups", {}), robot),
         versions=run_versions,
         provenance=origin,
     )
@@ -235,7 +239,7 @@ def results_to_json(results: Results) -> dict[str, Any]:
     plain = {name: getattr(results, name) for name in ("seed", "episodes", "complete", "baseline")}
     contents = {"schema": SCHEMA, **plain, "versions": dict(results.versions)}
     contents["provenance"] = {name: value for name, value in results.provenance.items() if name not in plain}
-    for name in ("ranking", "policy_errors", "scores", "hardware_scores", "pareto", "hardware_pareto"):
+    for name in ("ranking", "policy_errors", "scores", "hardware_scores", "pareto", "hardware_pareto", "groups"):
         value = getattr(results, name)
         contents[name] = [asdict(entry) for entry in value] if isinstance(value, list | tuple) else asdict(value)
     contents["policies"] = policies

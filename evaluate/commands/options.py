@@ -33,7 +33,8 @@ class EvaluateOptions:
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Policies to compare: names, bundle folders (models/residual), my_file.py:MyPolicy, .onnx files, .zip files of
     Stable-Baselines3 (with --trust), or deployment files of other projects (deploy.yaml). NAME@SCENARIO restricts a
-    policy to one scenario: document@flat."""
+    policy to one scenario: document@flat. NAME=PATTERN makes the training seeds of an algorithm one entry:
+    residual=runs/residual/seed-*."""
     trust: Flag = False
     """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY

@@ -9,6 +9,7 @@ from pathlib import Path
 import policies
 from evaluate import hardware
 from evaluate.cells import LabelledPolicy, load_labelled_policy
+from evaluate.commands.groups import expand_patterns, split_groups
 from evaluate.commands.interim_analysis import check_ranked
 from evaluate.commands.options import (
     DEFAULT_BATTERY,
@@ -77,7 +78,8 @@ def check(options: EvaluateOptions) -> Plan:
     Raises:
         UsageError: An option is not valid, or the folder cannot be written.
     """
-    options = replace(options, episodes=options.max_episodes)
+    options = replace(options, episodes=options.max_episodes, policies=expand_patterns(options.policies))
+    names, groups = split_groups(options.policies)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
@@ -89,7 +91,7 @@ def check(options: EvaluateOptions) -> Plan:
         scenarios = select_scenarios(options)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    compared = select_policies(options.policies, scenarios, options.hardware_config, options.trust)
+    compared = select_policies(names, scenarios, options.hardware_config, options.trust)
     labels = [policy.label for policy in compared]
     if options.until:
         check_ranked(compared, scenarios)
@@ -104,7 +106,7 @@ def check(options: EvaluateOptions) -> Plan:
         steps=rollout.STEPS,
         threads=options.threads,
         hardware=options.hardware_config,
-    )
+    ).with_groups(groups)
     if options.until:
         manifest = manifest.until_settled()
     if options.resume:

@@ -94,6 +94,8 @@ class Manifest:
 
     Policies that run on all scenarios are left out.
     """
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Name of a group of training seeds -> labels of its policies; empty for a run without groups."""
     limit: int = 0
     """Maximum number of episodes of each policy on each scenario in a run with `--until settled`.
 
@@ -128,6 +130,10 @@ class Manifest:
     def with_fingerprint(self) -> "Manifest":
         """Return a copy of the manifest with its fingerprint, the SHA-256 of all inputs of the run."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
+
+    def with_groups(self, groups: Mapping[str, Sequence[str]]) -> "Manifest":
+        """Return a copy of the manifest with groups of training seeds: name -> labels of the policies."""
+        return replace(self, groups={name: list(labels) for name, labels in groups.items()}).with_fingerprint()
 
     def until_settled(self) -> "Manifest":
         """Convert the manifest of a run with a fixed number of episodes to a run with `--until settled`.

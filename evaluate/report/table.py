@@ -13,6 +13,7 @@ from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.ranking import Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import SCORES, Score
+from evaluate.analysis.seed_groups import SeedGroup
 from evaluate.analysis.severity_levels import SeverityAxis, format_amount, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.report.console import FittedTable, break_long_words, console_table, format_row_name, wrap_name
@@ -99,6 +100,9 @@ def _print_answers(results: Results, console: Console) -> None:
     if unranked := unranked_text(results):
         _print_indented(escape(unranked), console)
     console.print()
+    if results.groups:
+        console.print(group_table(results.groups))
+        console.print()
 
 
 def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTable:
@@ -127,6 +131,25 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
     )
     profile = "with the hardware profile, " if ranked.hardware else ""
     return console_table(f"{profile}with 95 % intervals", heads, {"": rows})
+
+
+def group_table(groups: Sequence[SeedGroup]) -> FittedTable:
+    """Create the table of the groups of training seeds: mean score, interquartile mean and cost of transport."""
+    heads = {ROW_LABEL: "training", "score": "score", "score_iqm": "interquartile\nmean"}
+    if any(group.hardware_score for group in groups):
+        heads |= {"hardware": SCORES[1].replace(" ", "\n"), "hardware_iqm": "interquartile\nmean"}
+    heads["cost"] = "cost of\ntransport"
+    rows = []
+    for group in groups:
+        name = f"{format_row_name(group.name)}, {with_count(len(group.policies), 'seed')}"
+        cells = dict.fromkeys(heads, ABSENT) | {ROW_LABEL: name}
+        for column, score in (("score", group.score), ("hardware", group.hardware_score)):
+            if score is not None:
+                cells[column] = share(score.score, score.ci)
+                cells[f"{column}_iqm"] = share(score.interquartile_mean, score.interquartile_mean_ci)
+        cells["cost"] = estimate(group.cost_of_transport, group.cost_of_transport_ci, 2).with_interval
+        rows.append(cells)
+    return console_table("groups, with 95 % intervals over training seeds and episodes", heads, {"": rows})
 
 
 def _print_notes(results: Results, console: Console) -> None:

@@ -172,10 +172,10 @@ def _variance_of_mean(values: Floats) -> float:
     seeds, episodes = values.shape
     seed_means = values.mean(axis=1, keepdims=True)
     episode_means = values.mean(axis=0, keepdims=True)
-    by_seed = float(seed_means.var(ddof=1)) / seeds
+    by_seed = float(seed_means.var(ddof=1) / seeds)
     if episodes == 1:
         return by_seed
     by_episode = float(episode_means.var(ddof=1)) / episodes
     noise = values - seed_means - episode_means + values.mean()
     both = float((noise**2).sum()) / ((seeds - 1) * (episodes - 1) * seeds * episodes)
-    return max(by_seed + by_episode - both, by_seed, by_episode)
+    return float(max(by_seed + by_episode - both, by_seed, by_episode))

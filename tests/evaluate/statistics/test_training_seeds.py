@@ -25,9 +25,7 @@ def planted(rates: list[float], episodes: int = 1000) -> np.ndarray:
     return np.stack([(np.arange(episodes) < rate * episodes).astype(float) for rate in rates])
 
 
-def drawn(
-    rng: np.random.Generator, seeds: int, spread: float, scenarios: int = 8
-) -> tuple[np.ndarray, float]:
+def drawn(rng: np.random.Generator, seeds: int, spread: float, scenarios: int = 8) -> tuple[np.ndarray, float]:
     """Return scores of seeds whose log odds have this standard deviation, (s, n), and the true mean."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(41)
     offsets = np.linspace(-1.0, 1.0, scenarios)
