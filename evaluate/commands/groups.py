@@ -31,13 +31,13 @@ def expand_patterns(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def split_groups(names: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
-        names: Names or paths of all policies, including the policies of the groups.
+    """Split the values of the option --policies into policies and groups.
 
     Args:
         names: Values without patterns, as `expand_patterns` returns them.
 
     Returns:
-        names: Names or paths of all policies, those of the groups included.
+        names: Names or paths of all policies, including the policies of the groups.
         groups: Name of a group -> names or paths of its policies.
 
     Raises:
