@@ -111,6 +111,8 @@ class PpoConfig:
     adaptive: lowered or raised to keep the KL divergence near target-kl."""
     learning_rate_final: float = parameter(0.0, limits=(0.0, 1.0))
     """Learning rate at the last step of the run, only for the linear schedule."""
+    critic_learning_rate: float | None = parameter(None, limits=(1e-9, 1.0))
+    """Constant learning rate of the value network; by default the learning rate of the policy network."""
     target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
     """Target KL divergence of the policies before and after one update, for the adaptive schedule, nat."""
     hold: int = parameter(2, limits=(1, 1000))
@@ -183,9 +185,9 @@ class TrainConfig:
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
     robot than SimpleQuad."""
     start: Path | None = None
-    """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. --base,
-    --inputs, authorities and network widths must be equal. The value network and the exploration noise of a
-    run are loaded too."""
+    """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. The
+    defaults of --base, --inputs, authorities and network widths are those of this policy. The value network and the
+    exploration noise of a run of PPO are loaded too."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
@@ -321,9 +323,10 @@ _IMPROVE = TrainConfig(
     policy="end-to-end", recipe="improve", base="stand", steps=10_000_000, mixture=IMPROVE_MIXTURE, curriculum=0.6,
     effort_ramp=0.0, rewards=REWARDS,
     ppo=PpoConfig(
-        envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=3e-4, target_kl=0.01, hold=2, gamma=0.99,
-        log_std_init=-3.5, log_std_final=-4.2, critic=(256, 128), critic_steps=400_000, cloning=0.1,
-        cloning_final=0.01, cloning_steps=3_000_000,
+        envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=2e-5,
+        critic_learning_rate=5e-4, target_kl=0.01,
+        hold=2, gamma=0.99, log_std_init=-3.0, log_std_final=-3.9, critic=(256, 128), critic_steps=400_000, cloning=0.1,
+        cloning_final=0.01, cloning_steps=3_000_000, normalization="running",
     ),
     validation=ValidationConfig(
         interval=2_000_000, episodes=8,

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import torch
 from stable_baselines3 import PPO
 
 import policies
@@ -13,9 +14,15 @@ from quad_env.cli.command_line import UsageError
 from train.config import TrainConfig
 from train.run_folder import CHECKPOINTS, has_checkpoint
 from train.sb3 import checkpoint
-from train.sb3.actor_critic import AsymmetricPolicy
-from train.sb3.ppo import set_actor
+from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
+from train.sb3.ppo import check_widths, normalization, set_actor
+from train.sb3.vec_env import TrainingVecEnv
 from train.servo import check_start_servo
+
+MEASURED_STEPS = 120
+"""Number of learner steps in which mean and standard deviation of the network inputs are measured."""
+MEASURED_INTERVAL = 4
+"""Number of learner steps between two steps whose inputs enter mean and standard deviation."""
 
 
 def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
@@ -34,7 +41,7 @@ def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
         policy = policies.load(start, config.hardware.robot_model, servo="own")
         if policy.base.name != config.base:
             raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
-        set_actor(model, policy.network)
+        check_widths(model, policy.network)
         if policy.features.inputs != config.inputs:
             raise ValueError(f"{start} has other --inputs than this run")
         authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
@@ -45,10 +52,31 @@ def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
             raise ValueError(f"{start} has another --correction than this run")
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
-    if has_checkpoint(start):
-        checkpoint.load_networks(model, start / CHECKPOINTS)
+    if not (has_checkpoint(start) and checkpoint.load_networks(model, start / CHECKPOINTS)):
+        if (running := normalization(model)) is not None:
+            _measure_inputs(cast(TrainingVecEnv, model.get_env()), policy, running)
+        set_actor(model, policy.network)
     if config.ppo.cloning:
         cast(AsymmetricPolicy, model.policy).keep_reference()
+
+
+def _measure_inputs(env: TrainingVecEnv, policy: ResidualPolicy, running: RunningNormalization) -> None:
+    """Set mean and standard deviation of a running normalisation from robots that the initial policy controls.
+
+    Without them, gradient steps would change the action much more through some inputs than through others.
+
+    Args:
+        env: Environment of the training; all its robots are reset.
+        policy: Policy of the option `--start`.
+        running: Normalisation, which is changed.
+    """
+    observation = env.reset()
+    seen = policy.network.sizes[0]
+    for step in range(MEASURED_STEPS):
+        env.step_async(policy.network(observation[:, :seen]))
+        observation, *_ = env.step_wait()
+        if step % MEASURED_INTERVAL == 0:
+            running.update(torch.as_tensor(observation))
 
 
 def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
@@ -59,15 +87,13 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
         start: Folder of the policy bundle or run.
 
     Returns:
-        The settings, with base policy, inputs, authorities and widths of the network as in the policy of `start`.
-
-    Raises:
-        UsageError: The policy cannot be read.
+        The settings, with base policy, inputs, authorities and widths of the network as in the policy of `start`. If
+        the policy cannot be read, the settings are unchanged, and the start of the run reports the error.
     """
     try:
         policy = policies.load(start, defaults.hardware.robot_model, servo="own")
-    except policies.PolicyError as error:
-        raise UsageError(f"--start: {error}") from None
+    except policies.PolicyError:
+        return defaults
     hidden = policy.network.sizes[1:-1]
     if defaults.ppo.symmetry != "none":
         hidden = tuple(width // 2 for width in hidden)

@@ -44,7 +44,8 @@ WORDS = (
     "--effort-ramp 1 --max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
     "--ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
     "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
-    "--ppo.log-std-final -3.2 --validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
+    "--ppo.log-std-final -3.2 --ppo.critic-steps 37 --ppo.cloning 0.5 --ppo.cloning-steps 80 --ppo.cloning-final 0.1 "
+    "--validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
     "--out FOLDER/elsewhere"
 )
 BRIEF = 110
@@ -205,6 +206,14 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         lambda ran: [ran.learner.policy.log_std[0].item(), ran.learner.policy.log_std.requires_grad],
         [pytest.approx(-2.0 - 0.75 * 1.2), False],
     ),
+    # The last of four rollouts of twelve samples begins at 36 steps.
+    "ppo.critic_steps": (
+        lambda ran: [each.requires_grad for each in ran.learner.policy.action_net.parameters()],
+        [False, False],
+    ),
+    "ppo.cloning": (lambda ran: ran.learner.policy.cloning_weight, pytest.approx(0.5 - 0.4 * 36 / 80)),
+    "ppo.cloning_steps": (lambda ran: ran.learner.policy.cloning_weight, pytest.approx(0.5 - 0.4 * 36 / 80)),
+    "ppo.cloning_final": (lambda ran: ran.learner.policy.cloning_weight, pytest.approx(0.5 - 0.4 * 36 / 80)),
     "validation.interval": (lambda ran: [each["steps"] for each in validations(ran)], [24, 48]),
     "validation.episodes": (lambda ran: {len(each.seeds) for each in ran.of("validation")}, {3}),
     "validation.scenarios": (

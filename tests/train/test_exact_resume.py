@@ -36,7 +36,8 @@ OPTIONS = (
     "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
     "--ppo.learning-rate 1e-3 "
-    "--curriculum 0.4 --rewards.foot-air-time 1 --effort-ramp 1"
+    "--curriculum 0.4 --rewards.foot-air-time 1 --effort-ramp 1 "
+    "--ppo.cloning 0.3 --ppo.cloning-steps 400 --ppo.cloning-final 0.1 --ppo.critic-steps 100"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Number of steps of each of the 16 robots."""

@@ -135,7 +135,7 @@ def _defaults(words: list[str]) -> TrainConfig:
     defaults = default_settings(given)
     if given.start is None:
         return defaults
-    # The module is imported here, because it imports torch, and --help must answer at once.
+    # The module is imported here, because the import of torch takes seconds, and --help must answer at once.
     from train.start import with_start_settings
 
     return with_start_settings(defaults, given.start)

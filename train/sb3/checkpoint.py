@@ -115,19 +115,22 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
         raise UsageError(f"the checkpoint does not fit this run: {str(error).splitlines()[0]}") from None
 
 
-def load_networks(model: PPO, folder: Path) -> None:
+def load_networks(model: PPO, folder: Path) -> bool:
     """Load actor, critic and exploration noise from the newest checkpoint of another run into a new learner.
 
     Args:
         model: PPO learner, which is changed.
         folder: Folder of the checkpoints of the other run.
 
+    Returns:
+        True if the networks were loaded; False if the run was a distillation, which has no value network.
+
     Raises:
         UsageError: The networks in the checkpoint have another shape, or the folder has no checkpoint.
     """
     weights = with_prefix(load(folder).tensors, _POLICY)
-    if not weights:  # A distillation has no value network.
-        return
+    if not weights:
+        return False
     own = model.policy.state_dict()
     weights = {name: value for name, value in weights.items() if not name.startswith(_REFERENCE)}
     weights |= {name: value for name, value in own.items() if name.startswith(_REFERENCE)}
@@ -137,6 +140,7 @@ def load_networks(model: PPO, folder: Path) -> None:
     except RuntimeError as error:
         shapes = " ".join(str(error).split("\n\t")[-1].split())
         raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
+    return True
 
 
 def _fit_scenarios(weights: dict[str, torch.Tensor], model: PPO) -> None:

@@ -31,6 +31,8 @@ from train.sb3.vec_env import TrainingVecEnv
 from train.torch_network import to_array, to_network
 from train.training_robots import PRIVILEGED_TAIL_SIGNS
 
+OWN_RATE = "own_rate"
+"""Key of a parameter group of the optimiser with a constant learning rate, which the schedule does not change."""
 MIN_LEARNING_RATE = 1e-5
 """Lower bound of the learning rate of the adaptive schedule, `AdaptiveRate`."""
 MAX_LEARNING_RATE = 1e-2
@@ -83,6 +85,12 @@ class RolloutPpo(PPO):
         super().train()
         if (running := normalization(self)) is not None:
             running.update(torch.as_tensor(self.rollout_buffer.observations, device=self.device))
+
+    def _update_learning_rate(self, optimizers: list[torch.optim.Optimizer] | torch.optim.Optimizer) -> None:
+        """Set the learning rate of the policy network from its schedule; the value network may have its own rate."""
+        super()._update_learning_rate(optimizers)
+        for group in self.policy.optimizer.param_groups:
+            group["lr"] = group.get(OWN_RATE, group["lr"])
 
     def _update_info_buffer(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_] | None = None) -> None:
         finished = [] if dones is None else [infos[i] for i in np.flatnonzero(dones)]
@@ -146,9 +154,20 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     for parameter in model.policy.action_net.parameters():
         nn.init.zeros_(parameter)
     policy = cast(AsymmetricPolicy, model.policy)
+    if ppo.critic_learning_rate is not None:
+        _separate_critic(policy, ppo.critic_learning_rate)
     policy.entropy_weight = ppo.entropy
     model.policy.log_std.requires_grad_(ppo.log_std_final is None)
     return model
+
+
+def _separate_critic(policy: AsymmetricPolicy, rate: float) -> None:
+    """Make the optimiser of a `policy` again, with a constant learning `rate` of the value network."""
+    value = [*policy.mlp_extractor.value_net.parameters(), *policy.value_net.parameters()]
+    critic = {id(each) for each in value}
+    actor = [each for each in policy.parameters() if id(each) not in critic]
+    groups = [{"params": actor}, {"params": value, OWN_RATE: rate}]
+    policy.optimizer = policy.optimizer_class(groups, lr=rate, **policy.optimizer_kwargs)
 
 
 def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
@@ -195,6 +214,16 @@ def actor_network(model: PPO) -> Network:
     return network
 
 
+def check_widths(model: PPO, network: Network) -> None:
+    """Raise ValueError if a `network` does not have the widths of the actor of the learner `model`."""
+    layers = _actor_layers(model)
+    sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
+    has_symmetry = _actor_mirrors(model) is not None
+    expected = [sizes[0], *(2 * size for size in sizes[1:-1]), sizes[-1]] if has_symmetry else sizes
+    if list(network.sizes) != expected:
+        raise ValueError(f"its network has the widths {list(network.sizes)}, this run's {expected}")
+
+
 def set_actor(model: PPO, network: Network) -> None:
     """Copy the weights of a network into the actor of the learner, which computes the mean correction.
 
@@ -203,18 +232,12 @@ def set_actor(model: PPO, network: Network) -> None:
 
     Args:
         model: PPO learner, which is changed.
-        network: Network of a policy bundle.
-
-    Raises:
-        ValueError: The layers of the network and of the learner have different widths.
+        network: Network of a policy bundle, see `check_widths`.
     """
+    check_widths(model, network)
     layers = _actor_layers(model)
-    sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
-    has_symmetry = _actor_mirrors(model) is not None
-    expected = [sizes[0], *(2 * size for size in sizes[1:-1]), sizes[-1]] if has_symmetry else sizes
-    if list(network.sizes) != expected:
-        raise ValueError(f"its network has the widths {list(network.sizes)}, this run's {expected}")
-    if has_symmetry:
+    sizes = list(network.sizes)
+    if _actor_mirrors(model) is not None:
         network = half_network(network)
     if (running := normalization(model)) is not None:
         running.freeze()

@@ -40,6 +40,46 @@ def test_the_first_policy_corrects_nothing_anywhere():
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), SMALL.log_std_init)
 
 
+@pytest.mark.parametrize("symmetry", ["none", "actor"])
+def test_the_third_term_of_the_loss_is_entropy_and_the_divergence_from_the_reference(symmetry):
+    small = dataclasses.replace(SMALL, cloning=0.3, entropy=0.02, symmetry=symmetry)
+    config = dataclasses.replace(TrainConfig(), base="stand", threads=1, ppo=small)
+    model = shaken(make_ppo(config, make_env(config)))
+    policy = model.policy
+    policy.keep_reference()
+    observation = torch.as_tensor(np.random.default_rng(0).normal(size=(7, policy.observation_space.shape[0]))).float()
+    before = policy.get_distribution(observation).distribution
+    with torch.no_grad():
+        for parameter in policy.action_net.parameters():
+            parameter += 0.1
+    after = policy.get_distribution(observation).distribution
+    std = after.stddev
+    expected = torch.distributions.kl_divergence(after, torch.distributions.Normal(before.mean, std)).sum(dim=1)
+    assert expected.min() > 1e-4
+    actions = torch.zeros(7, 12)
+    for weight in (0.0, 0.3):
+        policy.cloning_weight = weight
+        terms = policy.evaluate_actions(observation, actions)[2]
+        torch.testing.assert_close(terms, 0.02 * after.entropy().sum(dim=1) - weight * expected)
+    assert model.ent_coef == 1.0
+    gradient = torch.autograd.grad(terms.sum(), list(policy.action_net.parameters()))
+    assert all(each.abs().max() > 0.0 for each in gradient)
+    assert not any(each.requires_grad for each in policy.reference.parameters())
+
+
+def test_only_the_critic_learns_while_the_actor_is_frozen():
+    model = shaken(learner())
+    before = {name: value.clone() for name, value in model.policy.state_dict().items()}
+    model.policy.freeze_actor(True)
+    model.learn(8)
+    changed = {name for name, value in model.policy.state_dict().items() if not torch.equal(value, before[name])}
+    assert {name.split(".")[1] for name in changed if name.startswith("mlp_extractor")} == {"value_net"}
+    assert not any(name.startswith("action_net") for name in changed)
+    model.policy.freeze_actor(False)
+    model.learn(8)
+    assert not torch.equal(model.policy.state_dict()["action_net.weight"], before["action_net.weight"])
+
+
 def test_only_the_critic_sees_what_the_robot_cannot_know():
     model = shaken(learner())
     env = model.get_env()
