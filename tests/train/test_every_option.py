@@ -224,7 +224,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
 ELSEWHERE = {"recipe", "resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
-    *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization"),
+    *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization", "ppo.critic_learning_rate"),
 }
 """Options with their own tests, below or in test_command.py, test_start.py, test_run.py and test_warp.py.
 

@@ -37,7 +37,7 @@ OPTIONS = (
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
     "--ppo.learning-rate 1e-3 "
     "--curriculum 0.4 --rewards.foot-air-time 1 --effort-ramp 1 "
-    "--ppo.cloning 0.3 --ppo.cloning-steps 400 --ppo.cloning-final 0.1 --ppo.critic-steps 100"
+    "--ppo.cloning 0.3 --ppo.cloning-steps 400 --ppo.cloning-final 0.1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Number of steps of each of the 16 robots."""

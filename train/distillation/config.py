@@ -14,18 +14,22 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, ValidationConfig, check_mixture, check_scenarios
 
 MIXTURE = (
-    ("flat:2", 0.10), ("steady", 0.03), ("flat:3", 0.04), ("push:2", 0.06), ("push:3", 0.06), ("push:4", 0.05),
-    ("rough:2", 0.05), ("rough:3", 0.05), ("rough:4", 0.03), ("force:3", 0.03), ("slope:4", 0.03), ("stairs:3", 0.04),
-    ("gravel:3", 0.04), ("soft:4", 0.03), ("slippery:4", 0.03), ("payload:3", 0.03), ("weak_motors:4", 0.03),
-    ("slow_motors:3", 0.03), ("latency:3", 0.04), ("noise:3", 0.04), ("dropout:4", 0.03), ("surprise:2", 0.03),
-    ("flat:2+hardware", 0.04), ("push:3+hardware", 0.03), ("rough:3+hardware", 0.03),
+    ("flat:2", 0.08), ("steady", 0.02), ("flat:3", 0.03), ("flat:4", 0.02), ("push:2", 0.05), ("push:3", 0.07),
+    ("push:4", 0.03), ("rough:2", 0.04), ("rough:3", 0.05), ("rough:4", 0.03), ("force:2", 0.02), ("force:3", 0.05),
+    ("slope:5", 0.05), ("stairs:2", 0.02), ("stairs:3", 0.03), ("gravel:3", 0.04), ("soft:4", 0.03),
+    ("slippery:4", 0.03), ("payload:3", 0.03), ("weak_motors:3", 0.03), ("slow_motors:3", 0.03), ("latency:3", 0.02),
+    ("latency:4", 0.03), ("noise:3", 0.02), ("noise:4", 0.02), ("dropout:5", 0.03), ("surprise:3", 0.03),
+    ("flat:2+hardware", 0.03), ("push:3+hardware", 0.04), ("rough:3+hardware", 0.03), ("force:3+hardware", 0.04),
+    ("gravel:3+hardware", 0.03),
 )  # fmt: skip
 """Default scenarios on which the student is trained, each with the fraction of the robots on it.
 
 A name such as `push:3` means level 3 of the disturbance `push`; a higher level is more severe. Every kind of
 disturbance is included at a hard level, because a student does not learn to resist a disturbance that it has not met.
 The suffix `+hardware` adds the robot's hardware profile: the motors, delays and sensors of the real robot."""
-VALIDATION_SCENARIOS = ("flat", "push", "rough", "payload", "latency:3", "noise:3", "push:3+hardware")
+VALIDATION_SCENARIOS = (
+    "flat", "push", "rough", "force:3", "slope:5", "latency:4", "noise:3", "push:3+hardware", "force:3+hardware",
+)  # fmt: skip
 """Names of the scenarios on which the student is validated by default.
 
 A name such as `latency:3` means level 3 of the disturbance `latency`. The suffix `+hardware` adds the motors, delays
@@ -75,7 +79,7 @@ class DistillationConfig:
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
     """Stiffness/damping of the servos, N·m/rad and N·m·s/rad, for example 35/0.5; by default from the teacher."""
-    labels: int = parameter(1_000_000, limits=(1, 10**12 - 1))
+    labels: int = parameter(1_400_000, limits=(1, 10**12 - 1))
     """Number of labels of the whole run; a label is the action of the teacher for one robot in one control step."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""

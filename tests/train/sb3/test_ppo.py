@@ -67,6 +67,21 @@ def test_the_third_term_of_the_loss_is_entropy_and_the_divergence_from_the_refer
     assert not any(each.requires_grad for each in policy.reference.parameters())
 
 
+def test_the_value_network_may_have_a_learning_rate_of_its_own():
+    small = dataclasses.replace(
+        SMALL, critic_learning_rate=0.004, learning_rate=1e-9, learning_rate_schedule="constant"
+    )
+    config = dataclasses.replace(TrainConfig(), threads=1, ppo=small)
+    model = shaken(make_ppo(config, make_env(config)))
+    before = {name: value.clone() for name, value in model.policy.state_dict().items()}
+    model.learn(8)
+    moved = {name: (value - before[name]).abs().max() for name, value in model.policy.state_dict().items()}
+    assert {len(group["params"]) for group in model.policy.optimizer.param_groups} == {7, 4}
+    for name, distance in moved.items():
+        assert (distance > 1e-3) == ("value_net" in name), name
+        assert "value_net" in name or distance < 1e-6, name
+
+
 def test_only_the_critic_learns_while_the_actor_is_frozen():
     model = shaken(learner())
     before = {name: value.clone() for name, value in model.policy.state_dict().items()}
