@@ -185,8 +185,8 @@ class TrainConfig:
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
     robot than SimpleQuad."""
     start: Path | None = None
-    """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. The
-    defaults of --base, --inputs, authorities and network widths are those of this policy. The value network and the
+    """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. This
+    policy defines the defaults of --base, --inputs, authorities and network widths. The value network and the
     exploration noise of a run of PPO are loaded too."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""

@@ -22,7 +22,7 @@ from train.servo import check_start_servo
 MEASURED_STEPS = 120
 """Number of learner steps in which mean and standard deviation of the network inputs are measured."""
 MEASURED_INTERVAL = 4
-"""Number of learner steps between two steps whose inputs enter mean and standard deviation."""
+"""Interval of the measurement of mean and standard deviation, in learner steps."""
 
 
 def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
