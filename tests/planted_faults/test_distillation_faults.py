@@ -35,7 +35,7 @@ def check_the_teacher_has_the_clock_of_the_student() -> None:
 
 def check_the_policy_acts_as_the_student_in_training() -> None:
     with pytest.MonkeyPatch.context() as patch:
-        test_collection.test_the_students_policy_does_in_evaluation_as_in_training(patch)
+        test_collection.test_the_students_policy_does_in_evaluation_as_in_training(1, patch)
 
 
 def _labels_of_the_step_before(patch: pytest.MonkeyPatch) -> None:

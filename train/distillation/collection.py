@@ -110,6 +110,7 @@ class LabelCollector:
         self._teacher.reset()
         self._features.reset(count)
         self._restarted = np.zeros(count, np.bool_)
+        self._student_corrections = np.zeros((count, len(self._authority)), np.float32)
         self._base_actions = np.tile(self._home, (count, 1))
 
     def collect(self, student: StudentNetwork, teacher_share: float) -> LabelBlock:
@@ -168,9 +169,11 @@ class LabelCollector:
         noise = self._random.standard_normal(corrections.shape, np.float32) * self._noise_std
         noise[~self._drivers.is_noisy] = 0.0
         teacher_targets: FloatArray = self._home + self._authority * corrections + noise
-        if teacher_drives.all():
-            return teacher_targets
-        targets: FloatArray = self._home + self._authority * student.corrections(inputs)
+        # The student keeps each correction for some control steps, as its policy does in an evaluation.
+        due = (self._features.ticks - 1.0) % self._config.hold == 0.0
+        if due.any():
+            self._student_corrections = np.where(due[:, None], student.corrections(inputs), self._student_corrections)
+        targets: FloatArray = self._home + self._authority * self._student_corrections
         targets[teacher_drives] = teacher_targets[teacher_drives]
         return targets
 

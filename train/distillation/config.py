@@ -106,6 +106,9 @@ class DistillationConfig:
     noise: float = parameter(0.04, limits=(0.0, 10.0))
     """Standard deviation of the noise on the joint targets, as change of the servo torque / (robot weight x leg
     length). The noise is added in half of the times in which the teacher controls a robot."""
+    hold: int = parameter(1, limits=(1, 1000))
+    """Number of control steps of 10 ms for which the student holds each action, in training and in evaluation. Labels
+    are taken in every control step."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
     """Time before each fall in which the labels are not used, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))

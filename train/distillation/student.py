@@ -183,4 +183,4 @@ def make_policy(config: DistillationConfig, robot: Robot, network: Network, inpu
         The policy, which can be saved as a policy bundle.
     """
     authority = authority_of(robot, config.hip_authority, config.joint_authority)
-    return ResidualPolicy(make_pose(robot), network, authority, "student", inputs)
+    return ResidualPolicy(make_pose(robot), network, authority, "student", inputs, config.hold)

@@ -169,10 +169,12 @@ def test_labels_shortly_before_a_fall_are_dropped():
     assert not _precedes(fell, 3)[:, 1].any()
 
 
-def test_the_students_policy_does_in_evaluation_as_in_training(monkeypatch):
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_students_policy_does_in_evaluation_as_in_training(hold, monkeypatch):
     """Inputs, clock, history, standardisation and authority equal those of the collection."""
     inputs = Inputs(lags=(0.02,), averages=(0.3,), clock=2.5)
-    each, _, _ = make_collector(CONFIG)
+    config = replace(CONFIG, hold=hold)
+    each, _, _ = make_collector(config)
     each._features = Features(make_pose(SIMPLE_QUAD), inputs)
     student = StudentNetwork([each._features.width, 16, 12], 1)
     seeds = [int(seed) for seed in episode_seeds("training", 0, CONFIG.envs)]
@@ -182,7 +184,7 @@ def test_the_students_policy_does_in_evaluation_as_in_training(monkeypatch):
     driven = []
     monkeypatch.setattr(each, "_step", lambda actions, step=each._step: driven.append(actions) or step(actions))
     each.collect(student, 0.0)
-    policy = make_policy(CONFIG, SIMPLE_QUAD, student.to_network(), inputs)
+    policy = make_policy(config, SIMPLE_QUAD, student.to_network(), inputs)
     policy.reset(CONFIG.envs)
     robots = make_robots(CONFIG, SIMPLE_QUAD)
     observation, _ = robots.reset(seed=seeds)
