@@ -32,6 +32,8 @@ COMMANDS = {
     "report": Command("evaluate.commands.report", "table and files of a results folder again, nothing simulated"),
     "replay": Command("evaluate.commands.replay", "one episode of a results folder again, to the bit, or as a film"),
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
+    "table": Command("evaluate.commands.table", "success by scenario and policy for a paper: LaTeX, CSV, Markdown"),
+    "plot": Command("evaluate.commands.plot", "figures of a run or of trainings for a paper: PDF, SVG"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
 """Name of a subcommand of `python -m evaluate` -> its module, and its one-line description for --help."""

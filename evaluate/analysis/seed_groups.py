@@ -12,6 +12,7 @@ from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.episodes import weight
 from evaluate.statistics.intervals import Floats, Interval
 from evaluate.statistics.training_seeds import (
+    MIN_BOOTSTRAP_SEEDS,
     interquartile_mean,
     interquartile_mean_interval,
     mean_interval,
@@ -42,11 +43,14 @@ class GroupScore:
     score: float
     """Mean score of the training seeds of the group, 0 … 1; see `evaluate.analysis.score`."""
     ci: Interval
-    """95 % interval of `score` over training seeds and episodes, 0 … 1."""
+    """95 % interval of `score` over training seeds and episodes, 0 … 1: a stratified bootstrap.
+
+    For two training seeds, or for a single scenario, it is the interval of a rate.
+    """
     interquartile_mean: float
     """Mean of the middle half of the success rates of all training seeds of the group on all scenarios, 0 … 1."""
     interquartile_mean_ci: Interval
-    """95 % interval of `interquartile_mean` over training seeds and episodes, 0 … 1."""
+    """95 % stratified bootstrap interval of `interquartile_mean`, 0 … 1; NaN for two training seeds."""
 
 
 @dataclass(frozen=True)
@@ -151,20 +155,36 @@ def _score(policies: Sequence[str], scored: ScoredCells) -> GroupScore | None:
     if not scored.scenarios or any(policy not in scored.cells_by_policy for policy in policies):
         return None
     by_episode = np.array([scored.by_episode(policy) for policy in policies])
-    by_scenario = np.array(
+    has_bootstrap = len(scored.scenarios) > 1 and len(policies) >= MIN_BOOTSTRAP_SEEDS
+    middle, middle_ci = interquartile_success(policies, scored)
+    return GroupScore(
+        score=float(by_episode.mean()),
+        ci=mean_interval(by_episode, RATES) if has_bootstrap else rate_interval(by_episode),
+        interquartile_mean=middle,
+        interquartile_mean_ci=middle_ci,
+    )
+
+
+def interquartile_success(policies: Sequence[str], scored: ScoredCells) -> tuple[float, Interval]:
+    """Compute the interquartile mean of the success rates of all given policies on all scenarios of the score.
+
+    Args:
+        policies: Labels of the policies, one for each training seed; all of them have a score.
+        scored: Results that enter the score.
+
+    Returns:
+        interquartile_mean: Mean of the middle half of the success rates, 0 … 1.
+        interval: 95 % interval, over training seeds and episodes; over episodes alone for one policy.
+    """
+    success = np.array(
         [
             [scored.cells_by_policy[policy][scenario].measures.succeeded for scenario in scored.scenarios]
             for policy in policies
         ],
         np.float64,
     ).transpose(0, 2, 1)
-    is_single = len(scored.scenarios) == 1
-    return GroupScore(
-        score=float(by_episode.mean()),
-        ci=rate_interval(by_episode) if is_single else mean_interval(by_episode, RATES),
-        interquartile_mean=float(interquartile_mean(by_scenario.mean(axis=1).ravel())),
-        interquartile_mean_ci=interquartile_mean_interval(by_scenario, RATES),
-    )
+    middle = float(interquartile_mean(success.mean(axis=1).ravel()))
+    return middle, interquartile_mean_interval(success, RATES)
 
 
 def _costs(cells: Sequence[Sequence[PolicyScenarioResult]], robot: Robot) -> Floats:

@@ -22,6 +22,8 @@ from evaluate.statistics.intervals import (
 
 MIN_SEEDS = 2
 """Smallest number of training seeds that give an estimate of the variation between seeds."""
+MIN_BOOTSTRAP_SEEDS = 3
+"""Smallest number of training seeds for a bootstrap; resamples of two seeds never exceed the range of the seeds."""
 TRIMMED = 0.25
 """Proportion of the values that the interquartile mean leaves out at each end."""
 _EPISODE_STREAM = 0
@@ -85,8 +87,10 @@ def mean_interval(values: Floats, bounds: Interval = UNBOUNDED) -> Interval:
         bounds: Smallest and largest possible value.
 
     Returns:
-        The interval, in the unit of the values; (NaN, NaN) for fewer than MIN_SEEDS training seeds.
+        The interval, in the unit of the values; (NaN, NaN) for fewer than MIN_BOOTSTRAP_SEEDS training seeds.
     """
+    if len(values) < MIN_BOOTSTRAP_SEEDS:
+        return (np.nan, np.nan)
     return _bootstrap(values[:, :, None], bounds, is_interquartile=False)
 
 
@@ -94,11 +98,12 @@ def interquartile_mean_interval(values: Floats, bounds: Interval = UNBOUNDED) ->
     """Compute the 95 % stratified bootstrap interval of an interquartile mean over training seeds and scenarios.
 
     Args:
-        values: Values of s training seeds in n episodes on k scenarios, (s, n, k).
+        values: Values of s training seeds in n episodes on k scenarios, (s, n, k). One policy, s = 1, has an interval
+            over episodes alone.
         bounds: Smallest and largest possible value.
 
     Returns:
-        The interval, in the unit of the values; (NaN, NaN) for fewer than MIN_SEEDS training seeds.
+        The interval, in the unit of the values; (NaN, NaN) for two training seeds, or one policy with one episode.
     """
     return _bootstrap(values, bounds, is_interquartile=True)
 
@@ -118,17 +123,19 @@ def _bootstrap(values: Floats, bounds: Interval, *, is_interquartile: bool) -> I
         is_interquartile: True for the interquartile mean over seeds and scenarios, False for the mean.
 
     Returns:
-        The interval, in the unit of the values; (NaN, NaN) for fewer than MIN_SEEDS training seeds.
+        The interval, in the unit of the values; (NaN, NaN) for two training seeds, for one policy with one episode, or
+        if a value is NaN.
     """
     from scipy.special import ndtr, stdtrit
 
-    seeds = len(values)
-    if seeds < MIN_SEEDS or not values.size or np.isnan(values).any():
+    unit_axis = 1 if len(values) == 1 else 0
+    units = values.shape[unit_axis]
+    if units < 2 or len(values) == 2 or not values.size or np.isnan(values).any():
         return (np.nan, np.nan)
     if np.ptp(values) == 0.0:
-        return identical_values_interval(values.mean(axis=(1, 2)), bounds)
+        return identical_values_interval(values.mean(axis=(1 - unit_axis, 2)), bounds)
     statistics = np.concatenate([*_resampled_statistics(values, is_interquartile)])
-    tail = float(ndtr(-np.sqrt(seeds / (seeds - 1)) * stdtrit(seeds - 1, 0.5 + CONFIDENCE / 2)))
+    tail = float(ndtr(-np.sqrt(units / (units - 1)) * stdtrit(units - 1, 0.5 + CONFIDENCE / 2)))
     low, high = np.quantile(statistics, [tail, 1.0 - tail])
     return (float(low), float(high))
 

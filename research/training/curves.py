@@ -5,35 +5,25 @@ that differ only in their seed give one curve: the mean over the seeds, with a b
 value.
 """
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
 
+from evaluate.analysis.learning_curves import SeedBand, group_by_seed, read_curve
 from evaluate.report.plots.drawing import COLOURS, MARKS
-from policies.base import Floats
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
-from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from train.learning_curve import DATE_METADATA, PANELS, make_axes, write_figure
-from train.run_folder import VALIDATIONS_FILE
-from train.run_record import flatten, load_settings, to_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-MAX_LABEL_LENGTH = 48
-"""Maximum length of the training settings in the label of a curve, characters.
-
-If the settings are longer, the label shows the folder of a training run instead.
-"""
 
 
 @dataclass(frozen=True)
@@ -78,113 +68,6 @@ def main(options: CurvesOptions) -> int:
             print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
     print(options.out)
     return 0
-
-
-@dataclass(frozen=True)
-class RunCurve:
-    """Learning curve of one training run, made by `read_curve`."""
-
-    folder: Path
-    """Folder of the training run."""
-    settings: Mapping[str, Any]
-    """Training settings except the seed: name of the option -> value."""
-    seed: int
-    """Seed of the training run."""
-    steps: Floats
-    """Number of training steps before each of the k validations, (k,)."""
-    figures: Floats
-    """Results of the k validations, (2, k): first row success rate, 0 to 1; second row cost of transport.
-
-    The cost of transport is NaN if it was not recorded.
-    """
-
-
-@dataclass(frozen=True)
-class SeedBand:
-    """Group of training runs with the same settings and different seeds, made by `group_by_seed`."""
-
-    label: str
-    """Label of the group in the legend of the plot."""
-    runs: tuple[RunCurve, ...]
-    """Learning curves of the training runs, one for each seed."""
-
-    @property
-    def steps(self) -> Floats:
-        """Numbers of training steps, (k,), at which all training runs of the group were validated."""
-        return reduce(np.intersect1d, [run.steps for run in self.runs])
-
-    def over_seeds(self) -> tuple[Floats, Floats, Floats]:
-        """Compute mean, minimum and maximum over the seeds, at the common validations of all training runs.
-
-        Returns:
-            Three arrays, mean, minimum and maximum, each (2, k) for the k numbers of training steps in `steps`. The
-            first row is the success rate, 0 to 1; the second row is the cost of transport.
-        """
-        figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
-        return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)
-
-
-def read_curve(folder: Path) -> RunCurve:
-    """Read the learning curve of a training run, which may be of an older version of this project.
-
-    Args:
-        folder: Folder of the training run.
-
-    Returns:
-        The learning curve; its arrays are empty if the training run has no validation yet.
-
-    Raises:
-        UsageError: The folder contains no training run, or the file of the validations is damaged.
-    """
-    settings = dict(flatten(load_settings(folder)))
-    path = folder / VALIDATIONS_FILE
-    try:
-        entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
-        rows = {entry["steps"]: (entry["steps"], entry["success"], entry.get("cost_of_transport")) for entry in entries}
-        columns = np.array(list(rows.values()), np.float64).reshape(-1, 3).T
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise UsageError(f"{path} holds no validations of a training run: leave that run out") from None
-    return RunCurve(folder, settings, settings.pop("seed", 0), columns[0], columns[1:])
-
-
-def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
-    """Group the training runs that differ only in their seed.
-
-    Args:
-        runs: Learning curves of all training runs.
-
-    Returns:
-        One group for each combination of settings, with a label for the legend.
-
-    Raises:
-        UsageError: Two training runs of a group have the same seed.
-    """
-    groups = dict[str, list[RunCurve]]()
-    for run in runs:
-        group = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
-        if same_seed := [other for other in group if other.seed == run.seed]:
-            raise UsageError(f"{same_seed[0].folder} and {run.folder} are both seed {run.seed} of one recipe: name one")
-        group.append(run)
-    recipes = [group[0].settings for group in groups.values()]
-    differing = [name for name in recipes[0] if any(recipe.get(name) != recipes[0][name] for recipe in recipes)]
-    return [SeedBand(_label(group, differing or ["policy", "base"]), tuple(group)) for group in groups.values()]
-
-
-def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
-    """Return the label of a group of training runs, for example `base trot (5 seeds)`.
-
-    If the values of the options are too long, the label has the folder of the first training run instead.
-
-    Args:
-        runs: Learning curves of the group.
-        options: Names of the options that the label shows with their values.
-
-    Returns:
-        The label.
-    """
-    settings = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
-    seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
-    return f"{settings if len(settings) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":

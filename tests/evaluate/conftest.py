@@ -13,7 +13,11 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, analyse
 from evaluate.cells import PolicyScenarioResult
+from evaluate.commands.options import EvaluateOptions
 from evaluate.measures.metrics import MEASURE_NAMES, Measures
+from evaluate.records.episode_table import write_parquet
+from evaluate.records.manifest import Manifest
+from evaluate.records.provenance import versions
 from evaluate.rollouts.battery import resolve
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
@@ -130,3 +134,51 @@ def made() -> Results:
         for policy, count in zip(("trot", "other"), both, strict=True)
     ]
     return analyse(cells, seed=0, episodes=40, complete=True)
+
+
+SPREAD = {"flat": 0, "push:1": 1, "push:3": 4, "push:5": 9, "slope:2": 3, "slope:4": 8, "flat+hardware": 6}
+"""Scenario of a planted run -> falls of `trot`; the policies of the group fall more often, each by another number."""
+MEMBERS = {"runs/mine/seed-0": 0, "runs/mine/seed-1": 2, "runs/mine/seed-2": 8}
+"""Policy of the group `mine` of a planted run -> its further falls on every scenario."""
+
+
+def planted_cells(episodes: int = 24) -> list[PolicyScenarioResult]:
+    """Return episodes of `trot`, `stand` and three training seeds on seven scenarios, none of them simulated."""
+    rng = np.random.default_rng(0)
+    cells = []
+    for scenario, falls in SPREAD.items():
+        for policy, further in {"trot": 0, "stand": 14, **MEMBERS}.items():
+            cell = fallen(policy, scenario, min(episodes, falls + further), rng.uniform(0.05, 0.3, episodes))
+            energy = rng.uniform(200.0, 300.0, episodes) * (1.0 + 0.05 * further)
+            measures = dataclasses.replace(cell.measures, energy=energy, distance=rng.uniform(4.0, 5.0, episodes))
+            cells.append(dataclasses.replace(cell, measures=measures, seeds=np.arange(episodes)))
+    return cells
+
+
+def write_run(folder: Path, cells: Sequence[PolicyScenarioResult], groups: dict[str, list[str]]) -> Path:
+    """Write the results folder of a finished run with these episodes, without report and results.json."""
+    folder.mkdir()
+    scenarios = dict.fromkeys(cell.scenario for cell in cells)
+    labels = dict.fromkeys(cell.policy for cell in cells)
+    manifest = Manifest(
+        policies=dict.fromkeys(labels, "0" * 64),
+        scenarios=tuple(scenarios),
+        seed=0,
+        episodes=cells[0].episodes,
+        steps=1000,
+        versions=versions(),
+        code="",
+        cpu="",
+        options=EvaluateOptions().run_options(),
+        threads=1,
+        groups=groups,
+    ).with_fingerprint()
+    manifest.write(folder)
+    write_parquet(cells, folder / "episodes.parquet", manifest.fingerprint)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def planted_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the results folder of a finished run with a group `mine` of three training seeds."""
+    return write_run(tmp_path_factory.mktemp("planted") / "run", planted_cells(), {"mine": [*MEMBERS]})

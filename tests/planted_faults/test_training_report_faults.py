@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from research.training import curves
-from research.training.curves import SeedBand, draw_bands, group_by_seed, read_curve
+from evaluate.analysis import learning_curves
+from evaluate.analysis.learning_curves import SeedBand, group_by_seed, read_curve
+from research.training.curves import draw_bands
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.research.test_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
@@ -52,7 +53,7 @@ def over_one_run(self: SeedBand) -> Any:
 
 FAULTS: Faults = {
     "a curve from another run's file": (
-        lambda patch: patch.setattr(curves, "VALIDATIONS_FILE", "../a/validations.json"),
+        lambda patch: patch.setattr(learning_curves, "VALIDATIONS_FILE", "../a/validations.json"),
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "a band over one run's validations": (

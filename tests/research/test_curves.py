@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluate.analysis.learning_curves import RunCurve, SeedBand, group_by_seed, read_curve
 from evaluate.report.plots.drawing import COLOURS
 from quad_env.cli.command_line import UsageError
-from research.training.curves import RunCurve, SeedBand, draw_bands, group_by_seed, read_curve
+from research.training.curves import draw_bands
 from train.config import TrainConfig
 from train.learning_curve import write_figure
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE

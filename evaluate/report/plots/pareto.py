@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evaluate.analysis.pareto import Pareto, ParetoPoint
-from evaluate.report.plots.drawing import Margins, add_legend, legend_height, make_figure, short_name, styles
+from evaluate.report.plots.drawing import WIDTH, Margins, add_legend, legend_height, make_figure, short_name, styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,19 +19,20 @@ HEIGHT = 2.5
 """Height of the plot of success against cost of transport, without its legend, inches."""
 
 
-def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
+def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...], width: float = WIDTH) -> "Figure":
     """Draw success against cost of transport; policies on the Pareto front have filled marks.
 
     Args:
         pareto: Points of the policies (cost of transport and success), and the Pareto front.
         policies: Names of all policies of the run; they determine marks and colours.
+        width: Width of the figure, inches.
 
     Returns:
         The matplotlib figure.
     """
     points = {point.policy: point for point in pareto.points if np.isfinite(point.cost)}
     legend = legend_height(len(points))
-    figure, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
+    figure, axes = make_figure(HEIGHT + legend, width, Margins(bottom=0.6 + legend))
     for point in points.values():
         _draw_point(axes, point, styles(policies)[point.policy], is_on_front=point.policy in pareto.front)
     corners = [(points[policy].cost, 100.0 * points[policy].success) for policy in pareto.front]

@@ -22,7 +22,7 @@ from evaluate.commands import options as default
 from quad_env.cli.program import options_class
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
-from tests.evaluate.commands import test_axes, test_command, test_pages, test_replay
+from tests.evaluate.commands import test_axes, test_command, test_pages, test_plot, test_replay, test_table
 from tests.evaluate.records import test_resume, test_settled
 from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
@@ -111,6 +111,8 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "folder": Effect("FOLDER/a", written("a/results.json"), True),
         "baseline": Effect("--baseline crouch", baselines("a/results.json"), {"crouch"}),
     },
+    "table": {},
+    "plot": {},
     "replay": {
         "results": Effect("FOLDER/a", replayed, [("crouch", "push", 2)]),
         "episode": Effect("2", replayed, [("crouch", "push", 2)]),
@@ -154,6 +156,20 @@ ELSEWHERE = {
         "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,
         "pages": test_pages.test_each_page_is_made_once_and_the_report_links_it,
         "trust": test_pages.test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted,
+    },
+    "table": {
+        "folder": test_table.test_csv_has_the_figures_of_the_report_for_every_scenario_and_policy,
+        "format": test_table.test_markdown_has_units_in_its_heads_and_a_column_for_each_policy,
+        "columns": test_table.test_one_text_column_is_a_table_and_two_are_a_wide_one,
+        **dict.fromkeys(
+            ("out", "policies", "scenarios"), test_table.test_policies_and_scenarios_select_columns_and_rows
+        ),
+    },
+    "plot": {
+        **dict.fromkeys(
+            ("runs", "kind", "out", "columns"), test_plot.test_a_vector_figure_has_the_width_of_its_columns
+        ),
+        "policies": test_plot.test_policies_select_and_order_the_entries,
     },
     "replay": {
         "page": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,

@@ -92,6 +92,19 @@ def test_seeds_that_all_succeed_have_an_interval_for_as_many_trials_as_seeds() -
     assert mean_interval(ones, (0.0, 1.0)) == pytest.approx(wilson_interval(5, 5))
 
 
+def test_two_seeds_have_the_interval_of_a_rate_and_no_bootstrap() -> None:
+    two = (np.random.default_rng(5).random((2, EPISODES)) < np.array([[0.6], [0.8]])).astype(float)
+    assert width(rate_interval(two)) > 0.5
+    assert np.isnan(mean_interval(two)).all()
+    assert np.isnan(interquartile_mean_interval(two[:, :, None])).all()
+
+
+def test_one_policy_has_an_interquartile_mean_with_an_interval_over_episodes() -> None:
+    values = (np.random.default_rng(6).random((1, EPISODES, 8)) < 0.7).astype(float)
+    low, high = interquartile_mean_interval(values)
+    assert low < interquartile_mean(values.mean(axis=1).ravel()) < high
+
+
 def test_one_seed_has_no_interval() -> None:
     for interval in (rate_interval, mean_interval):
         assert np.isnan(interval(np.ones((1, EPISODES)))).all()
