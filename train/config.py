@@ -320,7 +320,7 @@ IMPROVE_MIXTURE = (
 
 Every disturbance axis is included at a level at which a student of a model-based controller often fails."""
 _IMPROVE = TrainConfig(
-    policy="end-to-end", recipe="improve", base="stand", steps=10_000_000, mixture=IMPROVE_MIXTURE, curriculum=0.6,
+    policy="end-to-end", recipe="improve", base="stand", steps=10_000_000, mixture=IMPROVE_MIXTURE, curriculum=1.0,
     effort_ramp=0.0, rewards=REWARDS,
     ppo=PpoConfig(
         envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=2e-5,
