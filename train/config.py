@@ -326,7 +326,7 @@ _IMPROVE = TrainConfig(
         envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=2e-5,
         critic_learning_rate=5e-4, target_kl=0.01,
         hold=2, gamma=0.99, log_std_init=-3.0, log_std_final=-3.9, critic=(256, 128), critic_steps=400_000, cloning=0.1,
-        cloning_final=0.01, cloning_steps=3_000_000, normalization="running",
+        cloning_steps=3_000_000, normalization="running",
     ),
     validation=ValidationConfig(
         interval=2_000_000, episodes=8,
@@ -389,6 +389,8 @@ def check(config: TrainConfig) -> None:
     _check_hardware_profile(config)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
+    if config.recipe == "improve" and config.start is None:
+        raise UsageError("--recipe improve needs --start, the folder of a policy that walks")
     if config.ppo.symmetry != "none" and (config.base not in POSES or config.sighted):
         raise UsageError(f"--ppo.symmetry needs --base {' or '.join(POSES)}, without --sighted")
 

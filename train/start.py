@@ -93,11 +93,12 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
     try:
         policy = policies.load(start, defaults.hardware.robot_model, servo="own")
     except policies.PolicyError:
-        return defaults
+        return dataclasses.replace(defaults, start=start)
     hidden = policy.network.sizes[1:-1]
     if defaults.ppo.symmetry != "none":
         hidden = tuple(width // 2 for width in hidden)
     settings: dict[str, Any] = {
+        "start": start,
         "base": policy.base.name,
         "inputs": policy.features.inputs,
         "hip_authority": _authority(policy, 0),

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 import policies
+from quad_env.cli.command_line import UsageError
 from train.__main__ import main
 from train.commands.run import parse
 from train.run import make_env
@@ -54,6 +55,14 @@ def test_base_inputs_authorities_and_widths_are_those_of_the_start(tmp_path):
     assert (config.base, config.correction, config.hip_authority) == ("crouch", "scaled", 0.3)
     assert (config.inputs.lags, config.inputs.clock, config.ppo.actor) == ((0.05,), 2.0, (8,))
     assert parse(["--policy", "end-to-end", "--start", str(tmp_path / "first"), "--base", "stand"]).base == "stand"
+
+
+def test_the_recipe_improve_begins_with_a_policy_that_walks(first):
+    with pytest.raises(UsageError, match=r"^--recipe improve needs --start"):
+        parse(["--policy", "end-to-end", "--recipe", "improve"])
+    config = parse(["--policy", "end-to-end", "--recipe", "improve", "--start", str(first)])
+    assert config.ppo.cloning > 0.0
+    assert config.ppo.actor == (8,)
 
 
 def test_the_cloning_loss_measures_the_distance_from_the_start(first, tmp_path):
