@@ -73,7 +73,7 @@ def compare(words: list[str]) -> int:
 def _plan(words: list[str]) -> "Plan":
     """Parse the options of an evaluation from the command line, and check them.
 
-    If --resume is given, the options with which the interrupted run was started become the default values.
+    If an interrupted run is resumed, or a finished run is extended, its options become the default values.
 
     Args:
         words: Words of the command line after `python -m evaluate`, all of them options and their values.
@@ -83,8 +83,13 @@ def _plan(words: list[str]) -> "Plan":
     """
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import check, load_run_options  # The slow import is last, because --help must be quick.
+    # The slow imports are last, because --help must be quick.
+    from evaluate.commands.extension import check_extension, is_extension
+    from evaluate.commands.plan import check, load_run_options
 
+    if is_extension(options, words):
+        stored = load_run_options(options.out, "--add" if options.add else "--episodes")
+        return check_extension(read(default=stored), stored)
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 
 

@@ -17,6 +17,7 @@ from evaluate.commands.interim_analysis import interim_analysis
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Show, write_results
 from evaluate.commands.plan import Plan
+from evaluate.records.extension import extend_run
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
@@ -58,6 +59,8 @@ def _execute(plan: Plan, show: Show) -> int:
     saved. UsageError is raised if the memory is not sufficient for the results.
     """
     out = plan.options.out
+    if plan.extends:
+        plan = _extend(plan)
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
         write_results(run, out, plan.options.baseline, show)
@@ -81,6 +84,22 @@ def _execute(plan: Plan, show: Show) -> int:
         raise KeyboardInterrupt(_interrupt_message(plan, run))
     remove_chunks(out)
     return 0
+
+
+def _extend(plan: Plan) -> Plan:
+    """Prepare the extension of a finished run, and print the number of its episodes, which are not simulated again.
+
+    Args:
+        plan: Plan of the extended run.
+
+    Returns:
+        The plan, which continues the prepared run.
+    """
+    _print_warnings(plan)
+    kept = extend_run(plan.options.out, plan.manifest)
+    missing = len(plan.manifest.cells) * plan.manifest.episodes - kept
+    print(f"{plan.options.out}: {kept} episodes are kept, {missing} are simulated", file=sys.stderr)
+    return replace(plan, options=replace(plan.options, resume=True))
 
 
 def _print_warnings(plan: Plan) -> None:

@@ -22,7 +22,7 @@ EPISODES = {None: 20, "settled": 96}
 A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this run, the
 value is the maximum number of episodes.
 """
-RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
+RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "add", "baseline", "trust")
 """Names of the options that may change when an interrupted run is resumed; no result depends on them."""
 
 
@@ -72,6 +72,9 @@ class EvaluateOptions:
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its stored options; the interruption changes no result."""
+    add: tuple[str, ...] = ()
+    """Policies to add to the finished run in the folder --out, with its options; only their episodes are simulated.
+    More episodes: --episodes 48 --out RUN."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     threads: int = available_cores()

@@ -44,16 +44,19 @@ class Plan:
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
     options: EvaluateOptions
+    extends: bool = False
+    """True if the run extends the finished run in the results folder by policies or episodes."""
 
 
-def load_run_options(folder: Path) -> EvaluateOptions:
-    """Load the options of an interrupted run, in order to resume it.
+def load_run_options(folder: Path, option: str = "--resume") -> EvaluateOptions:
+    """Load the options of a run, in order to resume or extend it.
 
     Args:
         folder: Results folder of the run.
+        option: Option that continues the run, for error messages.
 
     Returns:
-        Options with which the interrupted run was started.
+        Options with which the run was started.
 
     Raises:
         UsageError: The folder contains no run, or a run that cannot be read.
@@ -61,8 +64,8 @@ def load_run_options(folder: Path) -> EvaluateOptions:
     if folder.is_dir():
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
-        raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
-    _, options = _read_run_options(folder)
+        raise UsageError(f"{option}: {folder} holds no run that was begun; leave {option} out to begin one")
+    _, options = _read_run_options(folder, option)
     return options
 
 
@@ -78,6 +81,8 @@ def check(options: EvaluateOptions) -> Plan:
     Raises:
         UsageError: An option is not valid, or the folder cannot be written.
     """
+    if options.add:
+        raise UsageError(f"--add: extends a finished run, got another command; valid: {PROGRAM} --add POLICY --out RUN")
     options = replace(options, episodes=options.max_episodes, policies=expand_patterns(options.policies))
     names, groups = split_groups(options.policies)
     check_numbers(options, LIMITS)
@@ -327,19 +332,18 @@ def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
     """
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
-        run = f"--policies {shlex.join(added)} --episodes {then.max_episodes} --seed {then.seed} --out ANOTHER"
-        return (
-            f". A run is not extended: evaluate with {run}, then `{PROGRAM} compare {folder} ANOTHER` ranks all of them"
-        )
-    if now.max_episodes > then.max_episodes or set(now.scenarios) > set(then.scenarios):
-        return ". A run is not extended: leave --resume out and name another --out"
+        return f". Once it is finished, it is extended by `{PROGRAM} --add {shlex.join(added)} --out {folder}`"
+    if now.max_episodes > then.max_episodes:
+        return f". Once it is finished, it is extended by `{PROGRAM} --episodes {now.max_episodes} --out {folder}`"
+    if set(now.scenarios) > set(then.scenarios):
+        return ". A run is not extended by scenarios: leave --resume out and name another --out"
     return ""
 
 
-def _read_run_options(folder: Path) -> tuple[Manifest, EvaluateOptions]:
-    """Read the manifest and the options of the run in a results folder; raise UsageError if that fails."""
+def _read_run_options(folder: Path, option: str = "--resume") -> tuple[Manifest, EvaluateOptions]:
+    """Read the manifest and the options of the run in a results folder; raise UsageError, with `option`, on failure."""
     try:
         manifest = manifests.read(folder)
         return manifest, replace(EvaluateOptions(out=folder), **options_from_json(manifest.options))
     except (OSError, UsageError, ValueError) as error:
-        raise UsageError(f"--resume: {error}; leave --resume out to begin again") from error
+        raise UsageError(f"{option}: {error}; leave {option} out to begin again") from error

@@ -23,7 +23,7 @@ from quad_env.cli.program import options_class
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_plot, test_replay, test_table
-from tests.evaluate.records import test_resume, test_settled
+from tests.evaluate.records import test_extension, test_resume, test_settled
 from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
 
@@ -149,6 +149,7 @@ PASSED_ON = test_axes.test_every_other_option_is_that_of_a_comparison
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+        "add": test_extension.test_a_policy_is_added_and_only_its_episodes_are_simulated,
         "until": test_settled.test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so,
         "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },

@@ -72,9 +72,12 @@ def test_a_mistake_is_one_line_that_names_the_remedy(words, said, run, tmp_path:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--policies document stand trot residual", "--policies residual --episodes 5 --seed 3 --out ANOTHER, then `"),
-        ("--episodes 9", "A run is not extended: leave --resume out and name another --out"),
-        ("--scenarios flat push rough", "A run is not extended: leave --resume out and name another --out"),
+        ("--policies document stand trot residual", "it is extended by `python -m evaluate --add residual --out "),
+        ("--episodes 9", "Once it is finished, it is extended by `python -m evaluate --episodes 9 --out "),
+        (
+            "--scenarios flat push rough",
+            "A run is not extended by scenarios: leave --resume out and name another --out",
+        ),
     ],
 )
 def test_who_would_extend_a_run_is_told_what_to_do(words, said, run, refused) -> None:
