@@ -1,238 +1,204 @@
 """Ablation study of the training: `python -m research ablations` measures the effect of each choice.
 
-The results are written to docs/results/ablations.csv and .png. Every variant of the training changes one choice of the
-default command; the name of the variant describes this choice. All variants train for the same number of steps with the
-same seeds. Success is the success rate in the last validation, on episodes and ground that no evaluation uses. The
-command can be stopped and repeated: finished runs in --out are kept.
+Every variant changes one choice of a training: of the distillation, of PPO without a base controller, of the physics
+in which it trains, or of PPO that corrects a base. All variants of a group have the same budget and the seeds 0, 1, ….
+Success is the success rate in the last validation, in the full model, on episodes and ground that no evaluation uses.
+The results are written to docs/ablations.md and docs/results, once all runs of a group are finished.
+The command can be stopped and repeated, and several processes can share the runs: finished runs in --out are kept.
 """
 
-import json
-import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+import os
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
+import tyro
 
-from evaluate.report.plots import drawing
-from evaluate.statistics.intervals import CONFIDENCE
-from policies.base import Floats
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
+from quad_env.cli.format import with_count
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
-from quad_env.files.writing import write_atomically
+from quad_env.files.writing import FolderInUseError, write_atomically
+from research.pages.blocks import read_page, write_block
 from research.pages.csv_text import to_csv
-from research.pages.evaluations import figure_to_png
-from train.commands.run import parse
-from train.config import DEFAULTS, TrainConfig
-from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
-from train.run_record import differences, load_config
+from research.training.ablation_groups import DEFAULT, GROUPS
+from research.training.ablation_runs import (
+    AblationRun,
+    StudySettings,
+    is_finished,
+    make_runs,
+    part_of,
+    read_results,
+    train_missing,
+)
+from research.training.ablation_tables import draw_differences, make_rows, table_lines
 
-DEFAULT = "default"
-"""Name of the variant that trains with the default options; all other variants are compared with it."""
-VARIANTS: Mapping[str, str] = {
-    DEFAULT: "",
-    "base: trot": "--base trot",
-    "base: trot_integral": "--base trot_integral",
-    "base: stand": "--base stand",
-    "sighted": "--sighted",
-    "domain randomisation": "--mixture flat:2+randomised 0.6 push:3+randomised 0.2 rough:3+randomised 0.2",
-    "no effort": "--rewards.mechanical-power 0 --rewards.action-rate 0 --rewards.torque 0",
-    "effort in full from the start": "--effort-ramp 0",
-    "twice the power weight": "--rewards.mechanical-power -0.005",
-    "no crouch term": "--rewards.crouch 0",
-    "no memory": "--inputs.lags --inputs.averages",
-    "no slope far from the command": "--rewards.linear-velocity-error 0 --rewards.yaw-rate-error 0",
-    "corrections at 100 Hz": "--ppo.hold 1 --ppo.gamma 0.99",
-    "authority of 0.3 rad": "--joint-authority 0.3 --hip-authority 0.15",
-    "three scenarios": "--mixture flat:2 0.6 push:3 0.2 rough:3 0.2",
-    "a rate that falls linearly": "--ppo.learning-rate-schedule linear",
-    "fewer robots, smaller minibatches": "--ppo.envs 512 --ppo.minibatch 2048",
-    "no curriculum": "--curriculum 1",
-}
-"""Name of a variant of the training -> command-line options that it adds to the default command."""
-VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
-"""Scenarios for the validation of all variants: the training scenarios of the variant `default`."""
+UNRECORDED_OPTIONS = ("groups", "part", "dry_run", "out", "page", "tables")
+"""Names of the options that the page does not show, because they do not change the results."""
 
 
 @dataclass(frozen=True)
 class AblationsOptions:
-    """Options of the command `ablations`: variants of the training, numbers of steps, seeds and episodes."""
+    """Options of the command `ablations`: variants of the training, robots, budgets, seeds and episodes."""
 
-    variants: tuple[str, ...] = tuple(VARIANTS)
-    """Names of the variants of the training that are compared."""
-    steps: int = parameter(1_000_000, limits=(1, 10**12 - 1))
-    """Number of training steps of each training run."""
+    groups: tuple[str, ...] = ("distillation", "end-to-end")
+    """Groups of variants: distillation, end-to-end, physics, residual."""
+    variants: tuple[str, ...] = ()
+    """Names of the variants that are compared with the default; by default all of the groups."""
+    robots: tuple[str, ...] = ()
+    """Robots: names like go1, or paths of model files; by default the robots of each group, go1 and simple_quad."""
+    labels: int | None = field(default=None, metadata={"limits": (1, 10**12 - 1)})
+    """Number of labels of a run in the group distillation; by default 1000000."""
+    steps: int | None = field(default=None, metadata={"limits": (1, 10**12 - 1)})
+    """Number of learner steps of a run in all other groups; by default 6000000, or 1000000 in the group residual."""
     seeds: int = parameter(5, limits=(2, 1000))
     """Number of training seeds of each variant; the seeds are 0, 1, …."""
     episodes: int = parameter(24, limits=(1, 100_000))
     """Number of validation episodes on each scenario."""
-    threads: int = parameter(2, limits=(1, 256))
-    """Number of threads of the simulation."""
+    threads: int = parameter(1, limits=(1, 256))
+    """Number of threads of a run."""
+    part: str = "1/1"
+    """K/N: train every N-th run, beginning with the K-th, so that N processes or machines share the runs."""
+    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Train nothing: print the number of runs and their estimated processor time, from a pilot of some seconds."""
     out: Path = Path("runs/ablations")
     """Folder of the training runs; finished runs with the same settings are not repeated."""
-    table: Path = Path("docs/results/ablations.csv")
-    """CSV file for the results; the plot is written next to it, as a PNG file of the same name."""
+    page: Path = Path("docs/ablations.md")
+    """Page with a block for the table of each group, which begins with `<!-- GROUP -->`."""
+    tables: Path = Path("docs/results")
+    """Folder of the CSV files and plots."""
 
 
 def main(options: AblationsOptions) -> int:
-    """Run the command `ablations`: train the missing runs, and write table and plot of the results.
+    """Run the command `ablations`: train the missing runs, and write table and plot of each finished group.
 
     Args:
         options: Options of the command.
 
     Returns:
         Exit code of the process.
-
-    Raises:
-        UsageError: A variant is unknown, or another option is invalid.
     """
     check_numbers(options, limits_of(options))
-    if unknown := [name for name in options.variants if name not in VARIANTS]:
-        raise UsageError(f"--variants: unknown {unknown[0]!r}; valid: {', '.join(map(repr, VARIANTS))}")
-    make_folder_of(options.table, "--table")
+    _check_names(options)
+    runs = [run for name in options.groups for run in _runs_of(options, name)]
+    part = part_of(runs, options.part)
+    if options.dry_run:
+        print_estimates(part)
+        return 0
+    read_page(options.page, *options.groups)
+    make_folder_of(options.tables / "ablations.csv", "--tables")
     raise_on_interrupt()
-    names = (DEFAULT, *(name for name in options.variants if name != DEFAULT))
-    runs = {name: [make_config(options, name, seed) for seed in range(options.seeds)] for name in names}
-    # The outer loop is over seeds, so that a study that is stopped early has complete seeds of all variants.
-    for seed in range(options.seeds):
-        for name in names:
-            print(f"{name}, seed {seed}", flush=True)
-            train_missing(runs[name][seed])
-    table = make_rows({name: list(map(read_results, runs[name])) for name in names})
-    write_atomically(options.table, to_csv(table))
-    draw_differences(table, options.table.with_suffix(".png"))
-    print(to_csv(table).decode(), end="")
+    for index, run in enumerate(part, 1):
+        print(f"[{index}/{len(part)}] {run}", flush=True)
+        try:
+            train_missing(run.config)
+        except FolderInUseError:
+            print("another process trains this run: left out", flush=True)
+    for name in options.groups:
+        _write_group(options, name, [run for run in runs if run.group == name])
     return 0
 
 
-def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
-    """Create the training settings of one variant and one seed.
+def _check_names(options: AblationsOptions) -> None:
+    """Raise UsageError if a group, variant or robot is named twice, or a group or variant is unknown."""
+    valid_variants = [name for group in options.groups if group in GROUPS for name in GROUPS[group].variants]
+    for option, names, valid in (
+        ("--groups", options.groups, list(GROUPS)),
+        ("--variants", options.variants, valid_variants),
+        ("--robots", options.robots, list(options.robots)),
+    ):
+        if unknown := [name for name in names if name not in valid]:
+            raise UsageError(f"{option}: unknown {unknown[0]!r}; valid: {', '.join(map(repr, valid))}")
+        if len(set(names)) < len(names):
+            raise UsageError(f"{option}: a name is given twice, got {' '.join(names)}")
+
+
+def _runs_of(options: AblationsOptions, group_name: str) -> Iterator[AblationRun]:
+    """Yield the runs of a group on all robots, on each robot ordered by seed."""
+    group = GROUPS[group_name]
+    budget = options.labels if group.is_distillation else options.steps
+    settings = StudySettings(budget, options.episodes, options.threads, options.out)
+    for robot in options.robots or group.robots:
+        chosen = (DEFAULT, *options.variants) if options.variants else tuple(group.variants)
+        names = [name for name in group.variants_of(robot) if name in chosen]
+        yield from make_runs(group_name, robot, names, options.seeds, settings)
+
+
+def print_estimates(runs: Sequence[AblationRun]) -> None:
+    """Print the number of unfinished runs of each group and robot, and their estimated processor time.
+
+    The time of a run is estimated by a pilot of the default variant of its group, on its robot. The estimate does not
+    include that variants cost more or less per label or step than the default.
 
     Args:
-        options: Options of the command.
-        name: Name of the variant.
-        seed: Training seed.
-
-    Returns:
-        Training settings, including the folder of the training run.
+        runs: Runs of a study.
     """
-    arguments = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
-    arguments += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    arguments += ["--validation.scenarios", *VALIDATED_ON]
-    folder = "".join(letter if letter.isalnum() else "-" for letter in name)
-    return replace(parse(arguments), out=options.out / folder / f"seed-{seed}")
+    from research.training.ablation_time import measure_cost
+
+    total = 0.0
+    for group, robot in dict.fromkeys((run.group, run.robot) for run in runs):
+        own = [run for run in runs if (run.group, run.robot) == (group, robot)]
+        missing = [run for run in own if not is_finished(run.config)]
+        hours = 0.0
+        if missing:
+            cost = measure_cost(next((run for run in own if run.variant == DEFAULT), own[0]).config)
+            hours = sum(cost.total(run.config) for run in missing) / 3600.0
+        total += hours
+        counts = f"{len(own) - len(missing)} of {with_count(len(own), 'run')} finished"
+        print(f"{group}, {Path(robot).stem}: {counts}, {hours:.2f} h of processor time for the others", flush=True)
+    print(f"together {total:.2f} h of processor time, estimated on this machine")
 
 
-def train_missing(run: TrainConfig) -> None:
-    """Train a run, or continue it if it is unfinished; do nothing if it is finished.
-
-    Args:
-        run: Training settings, including the folder of the run.
-
-    Raises:
-        UsageError: The folder contains a training run with other settings.
-    """
-    from train.run import train
-
-    resume = has_checkpoint(run.folder)
-    if resume and (others := differences(load_config(run.folder), run)):
-        raise UsageError(f"{run.folder} holds a run of other settings ({others[0]}); choose another --out")
-    if steps_done(run.folder) < run.steps or not (run.folder / VALIDATIONS_FILE).exists():
-        train(replace(run, resume=resume))
-
-
-def read_results(run: TrainConfig) -> dict[str, float]:
-    """Read the results of a finished training run.
-
-    Args:
-        run: Training settings, including the folder of the run.
-
-    Returns:
-        Dictionary: `success`, success rate of the last validation, %; `flat_velocity_error`, velocity error on the
-        scenario `flat:2` in this validation, m/s; `minutes`, training time, min.
-    """
-    last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
-    metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
-    return {
-        "success": 100.0 * last["success"],
-        "flat_velocity_error": last["scenarios"]["flat:2"]["velocity_error"],
-        "minutes": metrics["time/seconds"] / 60.0,
-    }
-
-
-def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
-    """Create the rows of the table of results, one row per variant.
-
-    Args:
-        variants: Name of a variant -> results from `read_results` for each seed.
-
-    Returns:
-        Rows: name of the column -> value. A row has the success rate of each seed, %, and its median over the seeds.
-        Except for the default variant, a row also has the mean success rate minus the mean success rate of the default
-        variant, percentage points.
-    """
-    success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
+def _write_group(options: AblationsOptions, group_name: str, runs: Sequence[AblationRun]) -> None:
+    """Write the block of a group in the page, its CSV file and its plots, if all of its runs are finished."""
+    missing = [run for run in runs if not is_finished(run.config)]
+    if missing:
+        count = f"{len(missing)} of {with_count(len(runs), 'run')}"
+        print(f"{group_name}: no table yet, because {count} are not finished, for example {missing[0]}")
+        return
     rows = []
-    for name, runs in variants.items():
-        row: dict[str, Any] = {
-            "variant": name,
-            "options": VARIANTS[name],
-            "success_by_seed_percent": " ".join(f"{value:.1f}" for value in success[name]),
-            "median_percent": float(np.median(success[name])),
-        }
-        if name != DEFAULT:
-            row |= _difference(success[name], success[DEFAULT])
-        row |= {
-            figure: float(np.median([run[figure] for run in runs])) for figure in ("flat_velocity_error", "minutes")
-        }
-        rows.append(row)
-    return rows
+    lines = []
+    for robot in dict.fromkeys(run.robot for run in runs):
+        own = [run for run in runs if run.robot == robot]
+        robot_rows = _rows_of(own)
+        stem = Path(robot).stem
+        picture = options.tables / f"ablations_{group_name}_{stem}.png"
+        draw_differences(robot_rows, picture)
+        caption = f"{GROUPS[group_name].title}, {stem}, {_conditions(options, own[0])}:"
+        link = Path(os.path.relpath(picture, options.page.parent)).as_posix()
+        lines += ["", caption, "", *table_lines(robot_rows), "", f"![Success minus the default's, {stem}]({link})"]
+        rows += robot_rows
+    write_atomically(options.tables / f"ablations_{group_name}.csv", to_csv(rows))
+    command = f"`python -m research ablations {_changed_options(options, group_name)}`, {date.today():%Y-%m-%d}."
+    write_block(options.page, [*lines, "", command, ""], group_name)
+    print("\n".join(lines))
 
 
-def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Compute the difference of the mean success rates of two variants, with Welch's t-interval.
-
-    A bootstrap interval is not used, because it is too narrow with five seeds.
-
-    Args:
-        a: Success rate of the first variant with each seed, (seeds,), %.
-        b: Success rate of the second variant with each seed, (seeds,), %.
-
-    Returns:
-        Name of the column -> value, percentage points: the difference, and the bounds `low` and `high` of its 95 %
-        interval. The bounds are missing if the success rate of each variant is the same with all seeds.
-    """
-    from scipy.stats import ttest_ind
-
-    difference = {"minus_default_points": float(a.mean() - b.mean())}
-    if np.ptp(a) == np.ptp(b) == 0.0:
-        return difference
-    # The warnings are ignored, because SciPy warns if all seeds of a variant have the same result.
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
-    return difference | {"low": float(low), "high": float(high)}
+def _rows_of(runs: Sequence[AblationRun]) -> list[dict[str, Any]]:
+    """Return the rows of the table of a group on one robot, from all of its finished `runs`."""
+    results: dict[str, list[dict[str, float]]] = {}
+    for run in runs:
+        results.setdefault(run.variant, []).append(read_results(run))
+    return make_rows(GROUPS[runs[0].group], Path(runs[0].robot).stem, results)
 
 
-def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Plot the success rate of each variant minus the success rate of the default, with its 95 % interval.
+def _conditions(options: AblationsOptions, run: AblationRun) -> str:
+    """Return seeds, budget and validation of the default variant of a group as text."""
+    group = GROUPS[run.group]
+    budget = (options.labels if group.is_distillation else options.steps) or group.budget
+    episodes = with_count(options.episodes, "episode")
+    return f"{options.seeds} seeds, {budget:,} {group.unit}, {episodes} on each of {' '.join(group.scenarios)}"
 
-    Args:
-        table: Rows from `make_rows`.
-        picture: PNG file to write.
-    """
-    rows = [row for row in table if row.get("minus_default_points") is not None]
-    left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in rows)), default=0.0)
-    with drawing.plot_settings():
-        figure, axes = drawing.make_figure(0.6 + 0.2 * len(rows), left + 3.2, drawing.Margins(left=left))
-        for line, row in enumerate(rows):
-            if row.get("low") is not None:
-                axes.plot((row["low"], row["high"]), (line, line), color=drawing.COLOURS[0], linewidth=1.4)
-            axes.plot(row["minus_default_points"], line, "o", color=drawing.COLOURS[0], markersize=4)
-        axes.axvline(0.0, color="black", linewidth=0.8)
-        axes.set_yticks(range(len(rows)), [row["variant"] for row in rows])
-        axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="success minus the default's, % points")
-        write_atomically(picture, figure_to_png(figure))
+
+def _changed_options(options: AblationsOptions, group_name: str) -> str:
+    """Return the words of a command line that repeats the results of one group."""
+    default = AblationsOptions()
+    words = ["--groups", group_name]
+    for name in (each.name for each in fields(options)):
+        value = getattr(options, name)
+        if name not in UNRECORDED_OPTIONS and value != getattr(default, name):
+            words += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
+    return shlex.join(words)
