@@ -32,6 +32,7 @@ COMMANDS = {
     "results": Command("research.pages.results", "CSV files and figures of docs/results, and the pages that show them"),
     "simulators": Command("research.pages.simulators", "the same episodes in two simulators, as a table"),
     "leaderboard": Command("research.pages.leaderboard", "policies of a list evaluated, and the page of their results"),
+    "training-speed": Command("research.pages.training_speed", "speed of training, in docs/training.md"),
     "readme": Command("research.pages.readme", "the README's scores and table of robots"),
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
     "curves": Command("research.training.curves", "learning curves of runs as a picture, with a band over seeds"),

@@ -4,6 +4,7 @@ The MuJoCo model, the initial states and the actions are equal to the ones in th
 """
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import gymnasium as gym
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 import policies
 from quad_env import ENV_ID
 from quad_env.physics.model import make_stepping_model
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
@@ -57,7 +59,7 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
     Returns:
         MuJoCo model and initial states.
     """
-    env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot, servo="own").robot)
+    env = gym.make(ENV_ID, scenario=scenario, robot=trot_robot(robot))
     distinct = min(num_envs, MAX_STARTS)
     snapshots = []
     for seed in range(distinct):
@@ -74,6 +76,11 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
         np.array([data.qvel for data in snapshots])[rows],
         dt,
     )
+
+
+def trot_robot(robot: str) -> Robot:
+    """Return a robot with the servo gains of the trot; `robot` is a name, or the path of a model file."""
+    return policies.make("trot", robot=robot, servo="own").robot
 
 
 def record_actions(
@@ -151,28 +158,34 @@ class BareBatch:
     """
 
     def __init__(self, start: InitialStates, threads: int) -> None:
+        self._start = start
         self._substeps = start.substeps
         self._batch = Batch(start.model, len(start.qpos), threads)
-        self._batch.bind("qpos")[:] = start.qpos
-        self._batch.bind("qvel")[:] = start.qvel
         self._controls = self._batch.bind("ctrl")
+        self.restart()
+
+    def restart(self) -> None:
+        """Set all robots to the initial states that the constructor received."""
+        self._batch.bind("qpos")[:] = self._start.qpos
+        self._batch.bind("qvel")[:] = self._start.qvel
 
     @property
     def qpos(self) -> Floats:
         """Current positions of the robots, MuJoCo `qpos`, (n, nq); nq is MuJoCo's number of positions of a robot."""
         return np.array(self._batch.bind("qpos"))
 
-    def run(self, actions: Actions) -> float:
+    def run(self, actions: Actions, clock: Callable[[], float] = time.perf_counter) -> float:
         """Simulate one control step for each action, and return the mean duration of a control step.
 
         Args:
             actions: Joint targets of each control step and robot, (steps, n, 12), rad.
+            clock: Function that returns the present time, s; by default wall time.
 
         Returns:
-            Mean wall time of a control step, s per robot.
+            Mean time of a control step, s per robot.
         """
-        begin = time.perf_counter()
+        begin = clock()
         for action in actions:
             self._controls[:] = action
             self._batch.step(nstep=self._substeps)
-        return (time.perf_counter() - begin) / (len(actions) * len(self._controls))
+        return (clock() - begin) / (len(actions) * len(self._controls))

@@ -103,15 +103,19 @@ def _measure_label(config: DistillationConfig) -> tuple[float, float]:
     labels = LabelStore(Path())
     with contextlib.closing(make_robots(config, teacher.robot)) as robots:
         collector = LabelCollector(config, robots, PrivilegedTeacher(config, robots), features, authority)
-        random = np.random.default_rng(config.seed)
-        collector.start_segment([int(seed) for seed in episode_seeds("training", config.seed, config.envs)], random)
+        seeds = [int(seed) for seed in episode_seeds("training", config.seed, config.envs)]
+        collector.start_segment(seeds, np.random.default_rng(config.seed))
         collector.collect(network, 0.5)
         label_time = _processor_time(lambda: labels.blocks.append(collector.collect(network, 0.5)))
     learner = Learner(network, config.fit, teacher.robot, authority)
-    sampler = labels.sampler(config.fit.minibatch, random)
+    return label_time / config.round_labels, _measure_update(learner, labels, config)
+
+
+def _measure_update(learner: Learner, labels: LabelStore, config: DistillationConfig) -> float:
+    """Return the processor time of a gradient step of `learner` on `labels`, s."""
+    sampler = labels.sampler(config.fit.minibatch, np.random.default_rng(config.seed))
     learner.learn(sampler, 1)
-    update_time = _processor_time(lambda: learner.learn(sampler, PILOT_UPDATES))
-    return label_time / config.round_labels, update_time / PILOT_UPDATES
+    return _processor_time(lambda: learner.learn(sampler, PILOT_UPDATES)) / PILOT_UPDATES
 
 
 def _measure_validation(config: Config, policy: Policy) -> float:
