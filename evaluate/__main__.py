@@ -34,6 +34,7 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "table": Command("evaluate.commands.table", "success by scenario and policy for a paper: LaTeX, CSV, Markdown"),
     "plot": Command("evaluate.commands.plot", "figures of a run or of trainings for a paper: PDF, SVG"),
+    "merge": Command("evaluate.commands.merge", "the parts of an evaluation (--part) as one results folder"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
 """Name of a subcommand of `python -m evaluate` -> its module, and its one-line description for --help."""
@@ -44,9 +45,6 @@ _OLD = "gone: revision 59ce5e8 has it as `python -m research`"
 MOVED |= dict.fromkeys(("ground", "prediction", "safety"), _OLD)
 MOVED |= dict.fromkeys(("gait-diagram", "pictures"), MOVED["gaits"])
 MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --success RULE` has other rules of success"
-MOVED["merge"] = (
-    "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
-)
 """Removed subcommand of `python -m evaluate` -> text of an error message that names its replacement."""
 
 

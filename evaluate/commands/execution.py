@@ -19,6 +19,8 @@ from evaluate.commands.outputs import Show, write_results
 from evaluate.commands.plan import Plan
 from evaluate.records.extension import extend_run
 from evaluate.records.manifest import Manifest
+from evaluate.records.parts import read_part, write_part
+from evaluate.records.shares import Share
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
@@ -27,6 +29,7 @@ from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import with_count
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import format_os_error
 from quad_env.cli.progress import show_progress, show_waiting
@@ -58,6 +61,8 @@ def _execute(plan: Plan, show: Show) -> int:
     `show` prints the results. After Ctrl-C, KeyboardInterrupt is raised; its message names the part of the run that is
     saved. UsageError is raised if the memory is not sufficient for the results.
     """
+    if plan.manifest.share is not None:
+        return _execute_part(plan, plan.manifest.share)
     out = plan.options.out
     if plan.extends:
         plan = _extend(plan)
@@ -100,6 +105,38 @@ def _extend(plan: Plan) -> Plan:
     missing = len(plan.manifest.cells) * plan.manifest.episodes - kept
     print(f"{plan.options.out}: {kept} episodes are kept, {missing} are simulated", file=sys.stderr)
     return replace(plan, options=replace(plan.options, resume=True))
+
+
+def _execute_part(plan: Plan, share: Share) -> int:
+    """Simulate one part of a run, and write its episodes in a folder that the caller has locked; return the exit code.
+
+    Args:
+        plan: Checked options, policies and scenarios of the run.
+        share: Episodes of the part.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        KeyboardInterrupt: The user pressed Ctrl-C; the message has the command that continues the part.
+    """
+    out = plan.options.out
+    if plan.options.resume and not is_unfinished(out):
+        read_part(out)
+        print(f"{out} holds the whole part: nothing is left to simulate", file=sys.stderr)
+        return 0
+    if not plan.options.resume:
+        _print_warnings(plan)
+    store = ChunkStore(out, plan.manifest, resumed=plan.options.resume)
+    run, interrupted = _simulate(plan, store)
+    if interrupted:
+        raise KeyboardInterrupt(f"kept what was done to {out}; go on with: {_resume_command(out)}")
+    with _explained_errors(store):
+        write_part(run, out)
+    remove_chunks(out)
+    count = with_count(run.manifest.episode_count, "episode")
+    print(f"part {share.part}: {count} in {out}; put all parts together: {PROGRAM} merge FOLDERS")
+    return 0
 
 
 def _print_warnings(plan: Plan) -> None:
@@ -203,7 +240,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
         threads = plan.options.threads
         # The chunks (subsets of episodes that are simulated together) are as large as the options allow, but small
         # enough that every worker process gets at least one chunk.
-        episodes_per_worker = -(-plan.manifest.episodes * len(plan.manifest.cells) // threads)
+        episodes_per_worker = max(1, -(-plan.manifest.episode_count // threads))
         settings = RunSettings(
             nthread=threads,
             progress=report,
@@ -212,9 +249,11 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             steps=manifest.steps,
             executor=process_pool(threads, interrupt.check),
             hardware=manifest.hardware,
+            episode_indices={scenario.name: manifest.episode_indices(scenario.name) for scenario in plan.scenarios},
         )
         seeds = evaluation_seeds(manifest.seed, manifest.episodes)
-        yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
+        scenarios = [scenario for scenario in plan.scenarios if len(settings.episode_indices[scenario.name])]
+        yield from run_cells(plan.policies, scenarios, seeds, settings)
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:

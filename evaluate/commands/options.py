@@ -70,6 +70,9 @@ class EvaluateOptions:
     """Evaluation seed (whole number >= 0). Evaluation episodes are never used in training."""
     out: Path = Path("results/evaluation")
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
+    part: Annotated[str | None, tyro.conf.arg(metavar="K/N")] = None
+    """Simulate only the K-th of N equal shares of all episodes, such as 3/40, into the folder --out: the same command
+    on other machines simulates the other parts, and python -m evaluate merge puts them together."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its stored options; the interruption changes no result."""
     add: tuple[str, ...] = ()

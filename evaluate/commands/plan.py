@@ -22,8 +22,11 @@ from evaluate.commands.options import (
 from evaluate.hardware import HardwareConfig
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
+from evaluate.records.shares import select_share
 from evaluate.rollouts import battery, rollout
+from evaluate.rollouts.cost import episode_costs
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.part import parse_part
 from quad_env.files.writing import exclusive_lock, make_writable_folder
 from quad_env.physics.simulators import MUJOCO
 from quad_env.robots.robot import Robot
@@ -98,10 +101,12 @@ def check(options: EvaluateOptions) -> Plan:
         raise UsageError(f"--scenarios: {error}") from error
     compared = select_policies(names, scenarios, options.hardware_config, options.trust)
     labels = [policy.label for policy in compared]
+    if options.part is not None:
+        _check_part(options)
     if options.until:
         check_ranked(compared, scenarios)
     check_baseline(options.baseline, labels)
-    _check_folder(options.out)
+    check_folder(options.out)
     manifest = manifests.manifest(
         compared,
         scenarios,
@@ -114,6 +119,9 @@ def check(options: EvaluateOptions) -> Plan:
     ).with_groups(groups)
     if options.until:
         manifest = manifest.until_settled()
+    if options.part is not None:
+        costs = episode_costs(compared, scenarios)
+        manifest = replace(manifest, share=select_share(parse_part(options.part), costs, options.max_episodes))
     if options.resume:
         manifest = _resume_manifest(manifest, options)
     return Plan(compared, scenarios, manifest, options)
@@ -217,6 +225,13 @@ def select_policies(
         raise UsageError(f"--policies: {error}") from error
 
 
+def _check_part(options: EvaluateOptions) -> None:
+    """Raise UsageError if --part is not valid, or does not fit another option."""
+    parse_part(options.part or "")
+    if options.until:
+        raise UsageError("--part and --until settled: each part needs a fixed number of episodes; valid: --episodes")
+
+
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
     """Remove learned policies that are not trained for the `robot`, and print their names on stderr.
 
@@ -277,7 +292,7 @@ def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
 
-def _check_folder(out: Path) -> None:
+def check_folder(out: Path) -> None:
     """Make the results folder `out`; raise UsageError if the folder or a file in it cannot be written."""
     try:
         make_writable_folder(out)

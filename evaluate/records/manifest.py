@@ -12,9 +12,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from evaluate.cells import LabelledPolicy
 from evaluate.hardware import IDEAL, HardwareConfig, parse_robot_option
 from evaluate.records.provenance import RULES, code_digest, cpu_model, hardware_versions, policy_digest, versions
+from evaluate.records.shares import Share, share_from_json
 from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
@@ -41,7 +45,7 @@ Old results use the rules success/1 and energy/1 (version 0.2.0 and before), or 
 """
 _SHA256 = "sha256"
 """Key in manifest.json for the SHA-256 of all other keys and values, which shows a change of the file."""
-_NOT_PROVENANCE = ("options", "date", "fingerprint")
+_NOT_PROVENANCE = ("options", "date", "fingerprint", "share")
 """Names of the fields of a manifest that have no influence on the results of the evaluation."""
 _NOT_COMPARED = {"git_revision"}
 """Names of the software versions that are not compared between two runs (evaluations).
@@ -110,17 +114,41 @@ class Manifest:
     date: str = ""
     """Date on which the run started, UTC; empty if it was not recorded."""
     fingerprint: str = ""
-    """Fingerprint of the run: SHA-256 of all inputs on which the results depend, computed at its start."""
+    """Fingerprint of the run: SHA-256 of all inputs on which the results depend, computed at its start.
+
+    All parts of a run (`--part`) have the fingerprint of the whole run.
+    """
+    share: Share | None = None
+    """Episodes of this part of a run, for `--part`; None for a whole run."""
 
     @property
     def cells(self) -> list[tuple[Scenario, str]]:
-        """All pairs of a scenario and the label of a policy that runs on it, in the order of the run."""
+        """All pairs of a scenario and the label of a policy that runs on it, in the order of the run.
+
+        For a part of a run, scenarios without episodes in this part are left out.
+        """
         return [
             (scenario, policy)
             for scenario in self.scenarios
             for policy in self.policies
-            if scenario.name in self.only_on.get(policy, (scenario.name,))
+            if scenario.name in self.only_on.get(policy, (scenario.name,)) and len(self.episode_indices(scenario.name))
         ]
+
+    @property
+    def episode_count(self) -> int:
+        """Number of all episodes of this run, or of this part of a run."""
+        return sum(len(self.episode_indices(scenario.name)) for scenario, _ in self.cells)
+
+    def episode_indices(self, scenario: str) -> NDArray[np.int64]:
+        """Return the indices of the episodes of each policy on a scenario, (n,): all, or the share of a part of a run.
+
+        Args:
+            scenario: Name of the scenario.
+
+        Returns:
+            The indices in ascending order.
+        """
+        return np.arange(self.episodes) if self.share is None else self.share.episode_indices(scenario)
 
     @property
     def is_unsettled(self) -> bool:
@@ -150,12 +178,13 @@ class Manifest:
             "fingerprint": self.fingerprint,
             "date": self.date,
             "options": dict(self.options),
+            **({} if self.share is None else {"share": self.share.as_json()}),
             **self.provenance(),
         }
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """Return the origin of the results, all fields except options, date and fingerprint: name -> value."""
+        """Return the origin of the results, the fields on which the results depend: name -> value."""
         values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
@@ -259,6 +288,8 @@ def _parse(path: Path) -> Manifest:
     values = {name: value for name, value in contents.items() if name not in ("schema", _SHA256)}
     values["scenarios"] = from_json_values(contents["scenarios"])
     values["hardware"] = HardwareConfig(**contents["hardware"])
+    if "share" in contents:
+        values["share"] = share_from_json(contents["share"])
     return Manifest(**values)
 
 
@@ -294,7 +325,7 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """Return the fingerprint of a run: the SHA-256 of all inputs on which its results depend.
 
     Args:
-        provenance: Fields of the manifest except options, date and fingerprint: name -> JSON value.
+        provenance: Fields of the manifest except those in `_NOT_PROVENANCE`: name -> JSON value.
 
     Returns:
         The hash. It does not depend on the number of threads. It stays the same while a run with `--until settled` adds

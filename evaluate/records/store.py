@@ -190,6 +190,9 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
     are from the files of an unfinished evaluation. UsageError or OSError is raised if the evaluation cannot be read.
     """
     manifest = manifests.read(folder)
+    if manifest.share is not None:
+        fact = f"{folder} holds only part {manifest.share.part} of a run"
+        raise UsageError(f"{fact}; put all parts together: python -m evaluate merge FOLDERS")
     has_chunks = is_unfinished(folder)
     try:
         rows = _stored_rows(folder / EPISODES, manifest)

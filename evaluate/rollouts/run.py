@@ -4,7 +4,7 @@ A cell is the result of one policy on one scenario. A task simulates a subset of
 result of this subset is a chunk.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
@@ -73,6 +73,11 @@ class RunSettings:
     """Function that runs the tasks (subsets of episodes); None to run one after the other in this process."""
     hardware: HardwareConfig = IDEAL
     """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
+    episode_indices: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    """Name of a scenario -> indices of the episodes to simulate, (n,), for one part of a run.
+
+    A scenario that is left out has all episodes.
+    """
 
 
 def run_cells(
@@ -188,6 +193,7 @@ class _PendingCell:
         self.scenario = scenario
         self.seeds = seeds
         self.settings = settings
+        self.episode_indices = settings.episode_indices.get(scenario.name, np.arange(len(seeds)))
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.running_episodes: dict[int, float] = {}
         """Index of the first episode of each running task -> equivalent number of its finished episodes.
@@ -198,7 +204,7 @@ class _PendingCell:
     def tasks(self) -> Iterator[Task]:
         """Yield a task for each range of at most `chunk_size` consecutive episodes that are not finished yet."""
         stored = [np.arange(0), *(chunk.episode_indices for chunk in self.chunks)]
-        missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
+        missing = np.setdiff1d(self.episode_indices, np.concatenate(stored))
         for episode_indices in _contiguous_runs(missing, self.settings.chunk_size):
             yield Task(
                 policy=self.policy,
@@ -213,7 +219,7 @@ class _PendingCell:
         """Report the progress of this policy and scenario, after a `fraction` of the `task` is finished."""
         self.running_episodes[int(task.episode_indices[0])] = fraction * len(task.episode_indices)
         finished = self.finished_episodes + sum(self.running_episodes.values())
-        self.settings.progress(self.policy.label, self.scenario.name, finished / len(self.seeds))
+        self.settings.progress(self.policy.label, self.scenario.name, finished / len(self.episode_indices))
 
     def add(self, chunk: EpisodeChunk) -> None:
         """Add a `chunk`, which is the result of some finished episodes."""
@@ -228,7 +234,7 @@ class _PendingCell:
     @property
     def is_finished(self) -> bool:
         """True if all episodes of the policy on the scenario are finished."""
-        return self.finished_episodes == len(self.seeds)
+        return self.finished_episodes == len(self.episode_indices)
 
     def finish(self) -> PolicyScenarioResult:
         """Report that the policy has finished the scenario, and return the joined result of all episodes."""
