@@ -181,6 +181,12 @@ class TrainConfig:
     extends the run; the extended run does not have exactly the same weights as a new run of that length."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
+    seeds: str | None = None
+    """Several seeds in place of --seed, one run after the other: a range such as 0-4, or a list such as 0,3,7. Each
+    seed has its own run folder, POLICY-SEED in --out. With --resume, finished runs are skipped and stopped runs are
+    continued."""
+    part: str | None = None
+    """Train only the K-th of N equal shares of --seeds, such as 2/5; other machines train the other shares."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
     robot than SimpleQuad."""
@@ -366,8 +372,8 @@ def check(config: TrainConfig) -> None:
     Raises:
         UsageError: A setting is not valid. The message is one line that names the option.
     """
-    for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
-        check_numbers(part, limits_of(part), group)
+    for group, settings in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
+        check_numbers(settings, limits_of(settings), group)
     terms = [term.name for term in dataclasses.fields(config.rewards)]
     check_numbers(config.rewards, dict.fromkeys(terms, (-MAX_REWARD_WEIGHT, MAX_REWARD_WEIGHT)), "rewards.")
     _check_extension_rewards(config)

@@ -22,14 +22,17 @@ from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, RECIPES, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
+_NOT_SETTINGS = ("out", "part", "resume", "seeds", "threads")
+"""Names of the options of a training or a distillation that do not affect the trained policy of one seed."""
+
 
 def to_dict(config: Any) -> dict[str, Any]:
     """Convert the settings `config` of a training run or a distillation to a dictionary of JSON types.
 
-    The options `out`, `resume` and `threads` are left out, because they do not affect the trained policy.
+    The options in `_NOT_SETTINGS` are left out, because they do not affect the trained policy.
     """
     settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
-    return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
+    return {key: value for key, value in settings.items() if key not in _NOT_SETTINGS}
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:

@@ -1,10 +1,13 @@
 """Parts of a command's work, option `--part K/N`: N processes or machines each do one share of it."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from quad_env.cli.command_line import UsageError
 
+Item = TypeVar("Item")
 MAX_PARTS = 100_000
 """Largest number of parts into which the work of a command is divided."""
 _PATTERN = re.compile(r"(\d{1,6})/(\d{1,6})")
@@ -40,3 +43,9 @@ def parse_part(text: str) -> Part:
     if not 1 <= part.number <= part.count <= MAX_PARTS:
         raise UsageError(f"--part: no part K/N, got {text}; valid: K from 1 to N, N up to {MAX_PARTS}, such as 3/40")
     return part
+
+
+def select_items(items: Sequence[Item], part: Part) -> Sequence[Item]:
+    """Return the items of one part: the parts are consecutive, and their numbers of items differ by at most one."""
+    count = len(items)
+    return items[(part.number - 1) * count // part.count : part.number * count // part.count]

@@ -13,7 +13,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, normalise_option_names
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
-from train.commands import distil
+from train.commands import distil, seeds
 from train.config import DEFAULTS, TrainConfig, check, default_settings
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
@@ -30,6 +30,8 @@ BASIC_OPTIONS = (
     "base",
     "steps",
     "seed",
+    "seeds",
+    "part",
     "out",
     "resume",
     "threads",
@@ -65,6 +67,8 @@ def run(words: list[str]) -> int:
             checkpoint.
     """
     words = words[1:] if words[:1] == ["run"] else words
+    if seeds.is_requested(words):
+        return seeds.run(words, lambda each: distil.parse(each) if distil.is_requested(each) else parse(each), run)
     if distil.is_requested(words):
         return distil.run(words)
     config = parse(words)

@@ -83,6 +83,12 @@ class DistillationConfig:
     """Number of labels of the whole run; a label is the action of the teacher for one robot in one control step."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
+    seeds: str | None = None
+    """Several seeds in place of --seed, one run after the other: a range such as 0-4, or a list such as 0,3,7. Each
+    seed has its own run folder, ROBOT-student-SEED in --out. With --resume, finished runs are skipped and stopped runs
+    are continued."""
+    part: str | None = None
+    """Train only the K-th of N equal shares of --seeds, such as 2/5; other machines train the other shares."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

@@ -1,0 +1,159 @@
+"""`python -m train --seeds 0-4`: train several seeds one after the other, or with `--part K/N` a share of them."""
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.part import parse_part, select_items
+from quad_env.cli.program import HELP
+from train.config import MAX_SEED, TrainConfig
+from train.distillation.config import DistillationConfig
+from train.run_folder import has_checkpoint, refuse_folder_in_use, steps_done
+
+Settings = TrainConfig | DistillationConfig
+SEEDS_OPTION = "--seeds"
+PART_OPTION = "--part"
+RESUME_OPTION = "--resume"
+MAX_SEEDS = 10_000
+"""Largest number of seeds of one command."""
+_RANGE = re.compile(r"(\d{1,10})-(\d{1,10})")
+_LIST = re.compile(r"\d{1,10}(,\d{1,10})*")
+
+
+def is_requested(words: Sequence[str]) -> bool:
+    """Return True if a command line trains several seeds or a part of them, and does not ask for help.
+
+    Args:
+        words: Words of the command line after `python -m train`.
+
+    Returns:
+        True if the words contain `--seeds` or `--part`.
+    """
+    names = {word.partition("=")[0] for word in words}
+    return bool(names & {SEEDS_OPTION, PART_OPTION}) and names.isdisjoint({*HELP, "--help-all"})
+
+
+def run(words: list[str], parse: Callable[[list[str]], Settings], train_seed: Callable[[list[str]], int]) -> int:
+    """Train the seeds that a command line names, each in its own run folder, and return the exit code.
+
+    Args:
+        words: Words of the command line after `python -m train`.
+        parse: Function that parses words to the checked settings of a run.
+        train_seed: Function that trains one seed with the options of its words, and returns the exit code.
+
+    Returns:
+        The exit code, 0.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C. The message has the option that continues all seeds.
+    """
+    resume = RESUME_OPTION in words
+    settings = parse([word for word in words if word != RESUME_OPTION])
+    chosen = _select_seeds(settings, words)
+    folders = {seed: _run_folder(settings, seed) for seed in chosen}
+    if not resume:
+        for folder in folders.values():
+            refuse_folder_in_use(folder)
+    shared_words = _without_options(words, {SEEDS_OPTION, PART_OPTION, "--out"})
+    for index, (seed, folder) in enumerate(folders.items(), 1):
+        heading = f"seed {seed}, {index} of {len(folders)}, in {folder}"
+        if resume and _is_finished(settings, folder):
+            print(f"{heading}: finished", flush=True)
+            continue
+        print(heading, flush=True)
+        seed_words = [word for word in shared_words if word != RESUME_OPTION or has_checkpoint(folder)]
+        try:
+            train_seed([*seed_words, "--seed", str(seed), "--out", str(folder)])
+        except KeyboardInterrupt as interrupt:
+            remedy = f"the same command with {RESUME_OPTION} continues all seeds"
+            raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), remedy])) from None
+    return 0
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Parse the value of the option --seeds.
+
+    Args:
+        text: Range such as `0-4`, with both ends included, or list such as `0,3,7`.
+
+    Returns:
+        The seeds.
+
+    Raises:
+        UsageError: The text is not of this form, a seed is repeated or too large, or there are too many seeds.
+    """
+    found: Sequence[int] = []
+    if match := _RANGE.fullmatch(text):
+        found = range(int(match[1]), int(match[2]) + 1)
+    elif _LIST.fullmatch(text):
+        found = [int(word) for word in text.split(",")]
+    if not 0 < len(found) <= MAX_SEEDS or max(found) > MAX_SEED or len(set(found)) < len(found):
+        valid = f"a range such as 0-4 or a list such as 0,3,7, at most {MAX_SEEDS} different seeds up to {MAX_SEED}"
+        raise UsageError(f"{SEEDS_OPTION}: no seeds, got {text}; valid: {valid}")
+    return list(found)
+
+
+def _select_seeds(settings: Settings, words: Sequence[str]) -> Sequence[int]:
+    """Return the seeds to train: those that `settings` names, or with --part a share of them.
+
+    Args:
+        settings: Settings that the command line gives.
+        words: Words of the command line.
+
+    Returns:
+        The seeds.
+
+    Raises:
+        UsageError: An option is missing or not valid.
+    """
+    if settings.seeds is None:
+        raise UsageError(
+            f"{PART_OPTION}: a part of several seeds, but no {SEEDS_OPTION}; valid: --seeds 0-4 --part 2/5"
+        )
+    if any(word.partition("=")[0] == "--seed" for word in words):
+        raise UsageError(f"--seed and {SEEDS_OPTION}: both name seeds; valid: one of them")
+    all_seeds = parse_seeds(settings.seeds)
+    if settings.part is None:
+        return all_seeds
+    chosen = select_items(all_seeds, parse_part(settings.part))
+    if not chosen:
+        print(f"part {settings.part} has no seed: there are only {len(all_seeds)}")
+    return chosen
+
+
+def _run_folder(settings: Settings, seed: int) -> Path:
+    """Return the run folder of a `seed`: the default name of the folder, in the folder --out if it is given."""
+    folder = dataclasses.replace(settings, seed=seed, out=None).folder
+    return folder if settings.out is None else settings.out / folder.name
+
+
+def _is_finished(settings: Settings, folder: Path) -> bool:
+    """Return True if the run in a `folder` has all steps, or all updates, of the `settings`."""
+    if isinstance(settings, TrainConfig):
+        return steps_done(folder) >= settings.steps
+    # The module is imported here, because the import of torch takes seconds, and an error must be shown at once.
+    from train.distillation.run import is_finished
+
+    return is_finished(folder)
+
+
+def _without_options(words: Sequence[str], names: set[str]) -> list[str]:
+    """Return the words of a command line without some options and their values.
+
+    Args:
+        words: Words of the command line.
+        names: Names of the options, each of which has one value.
+
+    Returns:
+        The other words.
+    """
+    kept = []
+    is_value = False
+    for word in words:
+        option, equals, _ = word.partition("=")
+        if not is_value and option not in names:
+            kept.append(word)
+        is_value = not is_value and option in names and not equals
+    return kept
