@@ -144,7 +144,7 @@ def _without_options(words: Sequence[str], names: set[str]) -> list[str]:
 
     Args:
         words: Words of the command line.
-        names: Names of the options, each of which has one value.
+        names: Names of the options; each takes one value.
 
     Returns:
         The other words.
