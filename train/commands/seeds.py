@@ -109,9 +109,7 @@ def _select_seeds(settings: Settings, words: Sequence[str]) -> Sequence[int]:
         UsageError: An option is missing or not valid.
     """
     if settings.seeds is None:
-        raise UsageError(
-            f"{PART_OPTION}: a part of several seeds, but no {SEEDS_OPTION}; valid: --seeds 0-4 --part 2/5"
-        )
+        raise UsageError(f"{PART_OPTION}: needs {SEEDS_OPTION}, got none; valid: --seeds 0-4 --part 2/5")
     if any(word.partition("=")[0] == "--seed" for word in words):
         raise UsageError(f"--seed and {SEEDS_OPTION}: both name seeds; valid: one of them")
     all_seeds = parse_seeds(settings.seeds)
