@@ -23,7 +23,7 @@ from quad_env.cli.program import options_class
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_plot, test_replay, test_table
-from tests.evaluate.records import test_extension, test_resume, test_settled
+from tests.evaluate.records import test_extension, test_parts, test_resume, test_settled
 from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
 
@@ -113,6 +113,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
     },
     "table": {},
     "plot": {},
+    "merge": {},
     "replay": {
         "results": Effect("FOLDER/a", replayed, [("crouch", "push", 2)]),
         "episode": Effect("2", replayed, [("crouch", "push", 2)]),
@@ -150,6 +151,7 @@ ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
         "add": test_extension.test_a_policy_is_added_and_only_its_episodes_are_simulated,
+        "part": test_parts.test_parts_in_any_order_are_one_run,
         "until": test_settled.test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so,
         "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },
@@ -171,6 +173,11 @@ ELSEWHERE = {
             ("runs", "kind", "out", "columns"), test_plot.test_a_vector_figure_has_the_width_of_its_columns
         ),
         "policies": test_plot.test_policies_select_and_order_the_entries,
+    },
+    "merge": {
+        **dict.fromkeys(("folders", "out"), test_parts.test_parts_in_any_order_are_one_run),
+        "baseline": test_parts.test_the_baseline_of_the_merged_run_is_the_chosen_one,
+        "any_processor": test_parts.test_other_processors_are_accepted_on_request_and_recorded,
     },
     "replay": {
         "page": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,

@@ -1,5 +1,6 @@
 """Parts of an evaluation: together they are one run, to the byte; anything else is refused in one line."""
 
+import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -49,6 +50,22 @@ def test_parts_in_any_order_are_one_run(whole: Path, parts: list[Path], tmp_path
     assert {path.name for path in tmp_path.iterdir()} == {*FILES}
     for name in FILES:
         assert (tmp_path / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_the_baseline_of_the_merged_run_is_the_chosen_one(parts: list[Path], tmp_path: Path) -> None:
+    assert evaluate("merge", *parts, "--baseline", "stand", "--out", tmp_path)[0] == 0
+    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert {each["b"] for each in results["comparisons"]} == {"stand"}
+    assert "--baseline: trott is not among" in refused("merge", *parts, "--baseline", "trott", "--out", tmp_path)
+
+
+def test_a_merged_run_gets_further_episodes_and_a_part_does_not(parts: list[Path], tmp_path: Path) -> None:
+    assert evaluate("merge", *parts, "--out", tmp_path)[0] == 0
+    code, error = evaluate("--episodes", "6", "--out", tmp_path)
+    assert code == 0, error
+    assert manifest.read(tmp_path).episodes == 6
+    for words in (("--episodes", "6"), ("--add", "crouch")):
+        assert "holds only part 1/7 of a run" in refused(*words, "--out", parts[0])
 
 
 def test_more_parts_than_episodes_are_one_run_too(tmp_path: Path) -> None:
