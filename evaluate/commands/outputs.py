@@ -13,7 +13,8 @@ import scipy.stats  # noqa: F401
 from rich.console import Console
 
 from evaluate.analysis.failures import FailedEpisode, select_failures
-from evaluate.analysis.results import Results, analyse, write_json
+from evaluate.analysis.results import Results, write_json
+from evaluate.analysis.stored_run import analyse_run
 from evaluate.commands.options import PROGRAM, command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
@@ -34,26 +35,6 @@ class Terminal(Console):
         """Stop all printing, but continue the program, because the result files are written afterwards."""
         self.quiet = True
         silence_stdout()
-
-
-def analyse_run(run: Run, baseline: str | None = None) -> Results:
-    """Analyse the finished episodes of a run.
-
-    Args:
-        run: Finished or unfinished run.
-        baseline: Name of the policy that all other policies are compared with; None for the default baseline.
-
-    Returns:
-        Results of the run, from which tables and files are made.
-    """
-    return analyse(
-        run.cells,
-        seed=run.manifest.seed,
-        episodes=run.manifest.episodes,
-        complete=run.complete,
-        provenance=run.manifest.provenance(),
-        baseline=baseline,
-    )
 
 
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sized
 from pathlib import Path
 
 from evaluate.analysis.failures import PAGES_FOLDER, select_failures
-from evaluate.commands.outputs import analyse_run
+from evaluate.analysis.stored_run import analyse_run
 from evaluate.commands.replay import ReplayTarget, check_available, load_policy
 from evaluate.film.page import partial_progress, write_page
 from evaluate.records.store import Run

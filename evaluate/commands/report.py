@@ -33,8 +33,9 @@ def main(options: ReportOptions) -> int:
 
     UsageError is raised if the results folder has no finished results.
     """
+    from evaluate.analysis.stored_run import analyse_run
     from evaluate.cells import apply_success_rule
-    from evaluate.commands.outputs import Terminal, analyse_run, write_results
+    from evaluate.commands.outputs import Terminal, write_results
     from evaluate.commands.plan import check_baseline
     from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks

@@ -7,8 +7,8 @@ from pathlib import Path
 from evaluate.analysis.entries import Entry
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.analysis.stored_run import analyse_run
 from evaluate.cells import PolicyScenarioResult
-from evaluate.commands.outputs import analyse_run
 from evaluate.records.store import read_run
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import show_waiting

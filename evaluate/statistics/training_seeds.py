@@ -114,8 +114,8 @@ def _bootstrap(values: Floats, bounds: Interval, *, is_interquartile: bool) -> I
     The scenarios are fixed, as in the stratified bootstrap of rliable. A resample draws training seeds and episodes
     with replacement. It draws them once for all scenarios, because each network and each episode seed occurs on all of
     them; rliable draws the runs of each task on their own. The ends are percentiles for Student's t instead of the
-    normal distribution, and for a variance with s − 1 in the denominator (see `intervals.difference_interval`). Plain
-    percentiles contain the true value in about 80 % of all cases for three training seeds, and in 88 % for five.
+    normal distribution, and for a variance with s − 1 in the denominator (see `intervals.difference_interval`), because
+    plain percentiles of few training seeds contain the true value too rarely.
 
     Args:
         values: Values of s training seeds in n episodes on k scenarios, (s, n, k).

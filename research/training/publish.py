@@ -126,8 +126,8 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
         Results of all policies and of the baseline.
     """
     # These modules take long to import. They are imported here, so that --help does not wait for them.
+    from evaluate.analysis.stored_run import analyse_run
     from evaluate.commands.execution import execute
-    from evaluate.commands.outputs import analyse_run
 
     baseline = shipped.baseline
     robot = shipped.config.hardware.robot_model

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.analysis.stored_run import analyse_run
 from evaluate.cells import EpisodeChunk
 from evaluate.commands import execution, plan
 from evaluate.commands.options import EvaluateOptions
-from evaluate.commands.outputs import analyse_run
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
