@@ -34,6 +34,9 @@ def main(options: AxesOptions) -> int:
     from evaluate.commands.plan import check
     from quad_env.scenarios.axes import AXES, extension_axes
 
+    if options.add:
+        valid = f"{comparison.PROGRAM} --add POLICY --out RUN"
+        raise UsageError(f"--add: extends a finished run, got another command; valid: {valid}")
     known = (*AXES, *extension_axes())
     if unknown := [name for name in options.axes if name not in known]:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(known)}")

@@ -57,6 +57,10 @@ def check_extension(options: EvaluateOptions, stored: EvaluateOptions) -> Plan:
     """
     out = options.out
     name = "--add" if options.add else "--episodes"
+    if stored.part is not None:
+        raise UsageError(
+            f"{name}: {out} is part {stored.part} of a run; valid: a finished run, after `{PROGRAM} merge`"
+        )
     same = replace(options, episodes=stored.episodes)
     if changes := describe_changes(stored, same):
         raise UsageError(f"{name}: keeps the options of the run, but {'; '.join(changes)}; valid: leave them out")

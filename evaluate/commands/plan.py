@@ -84,8 +84,6 @@ def check(options: EvaluateOptions) -> Plan:
     Raises:
         UsageError: An option is not valid, or the folder cannot be written.
     """
-    if options.add:
-        raise UsageError(f"--add: extends a finished run, got another command; valid: {PROGRAM} --add POLICY --out RUN")
     options = replace(options, episodes=options.max_episodes, policies=expand_patterns(options.policies))
     names, groups = split_groups(options.policies)
     check_numbers(options, LIMITS)

@@ -15,6 +15,7 @@ from evaluate.report.sections.failures import render_failures
 from evaluate.report.sections.figures import measure_definitions, policy_label
 from evaluate.report.sections.overview import render_overview
 from evaluate.report.sections.ranking import render_best_and_worst, render_ranking
+from evaluate.report.sections.seed_groups import render_seed_groups
 from evaluate.report.verdict import ranking_verdict
 from policies.summaries import shipped_summaries
 from quad_env.cli.format import join_names, with_count
@@ -36,7 +37,8 @@ NOTES = (
     "with a probability of 80 %.",
     "A breaking point is the severity at which a monotone regression crosses one half; the regression is straight over "
     "the logarithm of severity between the levels. Its interval follows from exact binomial tests.",
-    "The intervals cover the variation of episodes, not of training: another training seed gives another policy.",
+    "The intervals of a policy cover the variation of episodes, not of training: another training seed gives another "
+    "policy. The intervals of a group of training seeds cover both.",
 )
 """Explanations of the methods of the evaluation, for the end of the report."""
 Origin = tuple[str, str]
@@ -69,6 +71,7 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
     with drawing.plot_settings():
         answers = [
             render_ranking(results),
+            render_seed_groups(results),
             render_best_and_worst(results),
             render_causes(results),
             render_failures(results, folder),

@@ -12,8 +12,10 @@ import scipy.stats
 from evaluate.__main__ import main
 from evaluate.analysis.results import analyse
 from evaluate.commands.groups import expand_patterns, split_groups
+from evaluate.report.sections.seed_groups import render_seed_groups
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import points_with
 from tests.evaluate.conftest import fallen
 from tests.seams import short_episodes, without_report
 
@@ -80,6 +82,11 @@ def test_one_seed_of_three_fails_and_the_group_has_their_mean_with_a_wider_inter
     rates = [cell.measures.succeeded.mean() for cell in cells if cell.policy != "trot"]
     assert group.score.interquartile_mean == pytest.approx(scipy.stats.trim_mean(rates, 0.25))
     assert group.score.ci[1] - group.score.ci[0] > 0.5
+    section = render_seed_groups(results)
+    assert "<h2>Training seeds</h2>" in section
+    assert points_with(group.score.score, group.score.ci).value in section
+    assert points_with(group.score.interquartile_mean, group.score.interquartile_mean_ci).value in section
+    assert "hardware" not in section
 
 
 def test_the_command_simulates_each_seed_and_writes_one_entry_for_the_group(tmp_path, monkeypatch, capsys) -> None:

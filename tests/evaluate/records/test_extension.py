@@ -165,6 +165,16 @@ def test_an_unfinished_run_is_finished_first(one_policy, tmp_path) -> None:
     assert f"--add: {folder} is not finished; valid: a finished run" in error
 
 
+def test_a_part_of_a_run_is_not_extended(tmp_path) -> None:
+    words = ["--policies", "stand", "--episodes", 2, *SCENARIOS, "--part", "1/2", "--out", tmp_path / "part"]
+    code, error = evaluate(*words)
+    assert code == 0, error
+    for extension in (["--add", "crouch"], ["--episodes", 5]):
+        code, error = evaluate(*extension, "--out", tmp_path / "part")
+        assert code == 2
+        assert f"{extension[0]}: {tmp_path / 'part'} is part 1/2 of a run; valid: a finished run" in error
+
+
 def test_another_version_of_the_code_is_refused(one_policy, tmp_path, monkeypatch) -> None:
     from evaluate.records import manifest
 
