@@ -29,7 +29,7 @@ PARTS = {
     "network": "actions and values in the rollout",
     "update": "update",
     "total": "learner sample",
-    "bare physics": "bare `Batch.step` of the same states and targets",
+    "bare physics": "bare `Batch.step` of the states and targets of the first rollout",
     "bare update": "bare PyTorch update of the same networks and minibatches",
     "physics / bare": "physics / bare `Batch.step`",
     "update / bare": "update / bare update",

@@ -148,7 +148,7 @@ GROUPS: Mapping[str, AblationGroup] = {
         variants=END_TO_END_VARIANTS,
     ),
     "physics": AblationGroup(
-        title="Recipe `joystick`, trained in the full model and in simplified physics",
+        title="Recipe `joystick`; the default trains in the full model of the validation",
         options=f"{JOYSTICK} --physics.contacts all --physics.joint-friction model --timestep None "
         "--solver-iterations None",
         budget=6_000_000,

@@ -123,13 +123,13 @@ def test_the_default_setting_is_the_one_of_a_training() -> None:
 
 def test_the_command_measures_and_writes_its_figures(tmp_path, capsys) -> None:
     path = tmp_path / "speed.json"
-    words = ["--quick", "--robots", "simple_quad", "--json", str(path), "--measurements", "sample", "physics"]
-    assert main(words) == 0
+    assert main(["--quick", "--robots", "simple_quad", "--json", str(path)]) == 0
     figures = json.loads(path.read_text(encoding="utf-8"))["figures"]
     assert figures["physics"]["simple_quad"].keys() == PHYSICS_SETTINGS.keys()
     assert figures["physics"]["simple_quad"][DEFAULT]["speed"]["median"] == 1.0
     sample = figures["sample"]["simple_quad"]
     assert sample["total"]["median"] == pytest.approx(sum(sample[part]["median"] for part in PARTS))
+    assert 0.0 < figures["ratio"]["median"] < 1.0
     assert "speed / the default's" in capsys.readouterr().out
 
 
