@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ ENVIRONMENT = os.environ | {
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="the scripts are for bash")
 
 
+@cache
 def has_slurm() -> bool:
     """Return True if `sbatch` is there and a controller answers."""
     if shutil.which("sbatch") is None:
@@ -60,27 +62,21 @@ def write_script(index: int, path: Path) -> Path:
     return path
 
 
-def test_the_evaluation_of_an_array_is_that_of_one_command(tmp_path: Path) -> None:
+def test_the_evaluation_of_an_array_is_that_of_one_command_and_no_part_runs_twice(tmp_path: Path) -> None:
     script = write_script(0, tmp_path / "evaluate.sh")
     assert len(script.read_text(encoding="utf-8").splitlines()) == 10
     submit(script, 2, 2, *RUN)
+    episodes = tmp_path / "parts/1/episodes.parquet"
+    written = episodes.stat().st_mtime_ns
+    submit(script, 1, 2, *RUN)
+    assert episodes.stat().st_mtime_ns == written
     evaluate = (sys.executable, "-m", "evaluate")
     run(*evaluate, "merge", *sorted((tmp_path / "parts").iterdir()), "--out", "all", folder=tmp_path)
     run(*evaluate, *RUN, "--threads", "1", "--out", "one", folder=tmp_path)
     assert (tmp_path / "all/episodes.parquet").read_bytes() == (tmp_path / "one/episodes.parquet").read_bytes()
 
 
-def test_a_task_that_is_submitted_again_goes_on(tmp_path: Path) -> None:
-    script = write_script(0, tmp_path / "evaluate.sh")
-    submit(script, 1, 2, *RUN)
-    episodes = tmp_path / "parts/1/episodes.parquet"
-    written = episodes.stat().st_mtime_ns
-    submit(script, 1, 2, *RUN)
-    assert episodes.stat().st_mtime_ns == written
-
-
 def test_the_training_of_an_array_trains_its_seed(tmp_path: Path) -> None:
     script = write_script(1, tmp_path / "train.sh")
     submit(script, 1, 5, *TRAINING.split())
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["residual-0"]
-    submit(script, 1, 5, *TRAINING.split())  # a finished seed is skipped
