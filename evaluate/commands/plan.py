@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -105,6 +105,29 @@ def check(options: EvaluateOptions) -> Plan:
         check_ranked(compared, scenarios)
     check_baseline(options.baseline, labels)
     check_folder(options.out)
+    manifest = _make_manifest(options, compared, scenarios, groups)
+    if options.resume:
+        manifest = _resume_manifest(manifest, options)
+    return Plan(compared, scenarios, manifest, options)
+
+
+def _make_manifest(
+    options: EvaluateOptions,
+    compared: Sequence[LabelledPolicy],
+    scenarios: Sequence[Scenario],
+    groups: Mapping[str, Sequence[str]],
+) -> Manifest:
+    """Make the manifest (all inputs) of a new run, or of the part of a run that --part names.
+
+    Args:
+        options: Checked options of the command line.
+        compared: Policies of the run.
+        scenarios: Scenarios of the run.
+        groups: Name of a group of training seeds -> labels of its policies.
+
+    Returns:
+        The manifest.
+    """
     manifest = manifests.manifest(
         compared,
         scenarios,
@@ -120,9 +143,7 @@ def check(options: EvaluateOptions) -> Plan:
     if options.part is not None:
         costs = episode_costs(compared, scenarios)
         manifest = replace(manifest, share=select_share(parse_part(options.part), costs, options.max_episodes))
-    if options.resume:
-        manifest = _resume_manifest(manifest, options)
-    return Plan(compared, scenarios, manifest, options)
+    return manifest
 
 
 def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
