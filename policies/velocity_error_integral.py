@@ -31,11 +31,14 @@ class VelocityErrorIntegral(PerRobotState):
         super().__init__()
 
     def update(self, command: Floats, velocity: Floats) -> Floats:
-        """Add the velocity error of a control step, and return the position error, (n, 3), as in `position_error`.
+        """Add the velocity error of a control step to the position error.
 
         Args:
             command: Velocity command, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s.
             velocity: Actual velocity, (n, 3), in the same order and units.
+
+        Returns:
+            The position error, (n, 3), as in the attribute `position_error`.
         """
         position_error = self.position_error + self._period * (command - velocity)
         is_same_command = (command == self._command).all(axis=1, keepdims=True)

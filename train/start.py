@@ -39,17 +39,7 @@ def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
     """
     try:
         policy = policies.load(start, config.hardware.robot_model, servo="own")
-        if policy.base.name != config.base:
-            raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
-        check_widths(model, policy.network)
-        if policy.features.inputs != config.inputs:
-            raise ValueError(f"{start} has other --inputs than this run")
-        authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
-        if not np.allclose(policy.authority, authority):
-            raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
-        check_start_servo(config, policy)
-        if policy.bounded != (config.correction == "bounded"):
-            raise ValueError(f"{start} has another --correction than this run")
+        _check_settings(model, config, start, policy)
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
     if not (has_checkpoint(start) and checkpoint.load_networks(model, start / CHECKPOINTS)):
@@ -58,6 +48,31 @@ def load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
         set_actor(model, policy.network)
     if config.ppo.cloning:
         cast(AsymmetricPolicy, model.policy).keep_reference()
+
+
+def _check_settings(model: PPO, config: TrainConfig, start: Path, policy: ResidualPolicy) -> None:
+    """Check that a new run has the settings of the policy with which it starts.
+
+    Args:
+        model: PPO learner of the new run.
+        config: Settings of the new run.
+        start: Folder of the policy, for messages.
+        policy: Policy of the option `--start`.
+
+    Raises:
+        ValueError: A setting differs. The message names both values or the option.
+    """
+    if policy.base.name != config.base:
+        raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
+    check_widths(model, policy.network)
+    if policy.features.inputs != config.inputs:
+        raise ValueError(f"{start} has other --inputs than this run")
+    authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
+    if not np.allclose(policy.authority, authority):
+        raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
+    check_start_servo(config, policy)
+    if policy.bounded != (config.correction == "bounded"):
+        raise ValueError(f"{start} has another --correction than this run")
 
 
 def _measure_inputs(env: TrainingVecEnv, policy: ResidualPolicy, running: RunningNormalization) -> None:

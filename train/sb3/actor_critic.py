@@ -174,7 +174,7 @@ class AsymmetricPolicy(ActorCriticPolicy):
         self.entropy_weight = 0.0
         """Weight of the entropy bonus, only with a reference actor; SB3's own weight is then 1."""
         super().__init__(*args, **kwargs)
-        self.reference = None
+        self.reference: nn.Sequential | None = None
         """Copy of the layers of the actor before its first update, with constant weights; None without cloning.
 
         The copy computes the mean actions of the policy with which the training has started."""
@@ -183,8 +183,9 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
     def keep_reference(self) -> None:
         """Make the present actor the reference actor, from which the cloning loss measures the distance."""
-        self.reference = copy.deepcopy(nn.Sequential(self.mlp_extractor.policy_net, self.action_net))
-        self.reference.requires_grad_(False)
+        reference = copy.deepcopy(nn.Sequential(self.mlp_extractor.policy_net, self.action_net))
+        reference.requires_grad_(False)
+        self.reference = reference
 
     def freeze_actor(self, is_frozen: bool) -> None:
         """Exclude the mean action from the updates if `is_frozen` is True, so that only the value network learns."""
@@ -207,26 +208,34 @@ class AsymmetricPolicy(ActorCriticPolicy):
         Returns:
             Values, (n, 1); logarithms of the probabilities, (n,); and the further terms, (n,).
         """
-        values, log_prob, entropy = super().evaluate_actions(obs, actions)
-        if self.reference is None or entropy is None:
-            return values, log_prob, entropy
-        terms = self.entropy_weight * entropy
+        if self.reference is None:
+            return super().evaluate_actions(obs, actions)
+        features: torch.Tensor = self.extract_features(obs)  # type: ignore[assignment]  # actor and critic share them
+        latent_pi, latent_vf = self.mlp_extractor(features)
+        distribution: Any = self._get_action_dist_from_latent(latent_pi)
+        terms = self.entropy_weight * distribution.entropy()
         if self.cloning_weight:
-            terms = terms - self.cloning_weight * self._divergence(obs)
-        return values, log_prob, terms
+            terms = terms - self.cloning_weight * self._divergence(distribution.distribution.mean, features)
+        return self.value_net(latent_vf), distribution.log_prob(actions), terms
 
-    def _divergence(self, obs: torch.Tensor) -> torch.Tensor:
-        """Return the KL divergence, (n,), nat, of the policy from the reference actor at n observations `obs`, (n, k).
+    def _divergence(self, mean: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+        """Return the KL divergence of the policy from the reference actor, (n,), nat.
 
         Both have the exploration noise of the policy, which this function treats as constant.
+
+        Args:
+            mean: Mean actions of the policy, (n, 12).
+            features: Features of the observations, (n, k), with k numbers per observation.
+
+        Returns:
+            The KL divergence.
         """
-        features = self.extract_features(obs)
-        mean = self._mean_actions(self.action_net(self.mlp_extractor.forward_actor(features)))
+        assert self.reference is not None
         with torch.no_grad():
-            assert self.reference is not None
             reference = self._mean_actions(self.reference(features))
             std = self.log_std.exp()
-        return 0.5 * (((mean - reference) / std) ** 2).sum(dim=1)
+        distance: torch.Tensor = (mean - reference) / std
+        return 0.5 * distance.square().sum(dim=1)
 
     def _mean_actions(self, outputs: torch.Tensor) -> torch.Tensor:
         """Return mean actions, (n, 12), from the outputs of the actor.
@@ -236,7 +245,8 @@ class AsymmetricPolicy(ActorCriticPolicy):
         if self.mirrors is None:
             return outputs
         first, second = outputs.chunk(2)
-        return 0.5 * (first + self.action_mirror(second))
+        mean: torch.Tensor = 0.5 * (first + self.action_mirror(second))
+        return mean
 
     def _build_mlp_extractor(self) -> None:
         super()._build_mlp_extractor()

@@ -166,8 +166,9 @@ def _separate_critic(policy: AsymmetricPolicy, rate: float) -> None:
     value = [*policy.mlp_extractor.value_net.parameters(), *policy.value_net.parameters()]
     critic = {id(each) for each in value}
     actor = [each for each in policy.parameters() if id(each) not in critic]
-    groups = [{"params": actor}, {"params": value, OWN_RATE: rate}]
-    policy.optimizer = policy.optimizer_class(groups, lr=rate, **policy.optimizer_kwargs)
+    groups: list[dict[str, Any]] = [{"params": actor}, {"params": value, OWN_RATE: rate}]
+    make_optimizer: Any = policy.optimizer_class
+    policy.optimizer = make_optimizer(groups, lr=rate, **policy.optimizer_kwargs)
 
 
 def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
