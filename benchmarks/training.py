@@ -64,6 +64,9 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
     Returns:
         Measured values, by name of the measurement. The result also has the check of the requirement `training` if the
         options equal the options for which it is defined.
+
+    Raises:
+        UsageError: A measurement is unknown.
     """
     valid = (RESIDUAL, SAMPLE, PHYSICS)
     if unknown := [name for name in options.measurements if name not in valid]:
