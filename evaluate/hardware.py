@@ -110,6 +110,26 @@ class HardwareConfig:
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
+@dataclass(frozen=True)
+class ServosByRow(HardwareConfig):
+    """Hardware configuration with different servo gains for each robot of a batch."""
+
+    gains: Any = None
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of n robots, (2, n, 12)."""
+
+    def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
+        """Return the keyword arguments of an environment with the servo gains `gains`: name -> value.
+
+        `robot` is the robot of the policy.
+        """
+        return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
+
+    def mean_robot(self) -> "Robot":
+        """Return the robot model, with the mean of the servo gains over the n robots of the batch."""
+        is_uniform = (self.gains == self.gains[:, :1]).all()
+        return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
+
+
 IDEAL = HardwareConfig()
 """Default hardware: the robot SimpleQuad with ideal motors, simulated by MuJoCo.
 

@@ -36,6 +36,9 @@ from quad_env.cli.progress import show_progress, show_waiting
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
+GROUPS_PER_WORKER = 4
+"""Minimum number of batches per worker process in a run, so that all processes end at about the same time."""
+
 
 def execute(plan: Plan, show: Show = print_results) -> int:
     """Simulate all episodes of a plan, then print and write the results.
@@ -238,8 +241,8 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             progress(policy, scenario, fraction)
 
         threads = plan.options.threads
-        # The chunks (subsets of episodes that are simulated together) are as large as the options allow, but small
-        # enough that every worker process gets at least one chunk.
+        # The chunks (subsets of the episodes of a pair) are as large as the options allow, but small enough that every
+        # worker process gets at least one chunk.
         episodes_per_worker = max(1, -(-plan.manifest.episode_count // threads))
         settings = RunSettings(
             nthread=threads,
@@ -247,13 +250,25 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             chunk_size=min(plan.options.at_once, episodes_per_worker),
             store=store,
             steps=manifest.steps,
-            executor=process_pool(threads, interrupt.check),
+            executor=process_pool(threads, interrupt.check, _group_size(plan)),
             hardware=manifest.hardware,
             episode_indices={scenario.name: manifest.episode_indices(scenario.name) for scenario in plan.scenarios},
         )
         seeds = evaluation_seeds(manifest.seed, manifest.episodes)
         scenarios = [scenario for scenario in plan.scenarios if len(settings.episode_indices[scenario.name])]
         yield from run_cells(plan.policies, scenarios, seeds, settings)
+
+
+def _group_size(plan: Plan) -> int:
+    """Return the maximum number of episodes of several policies that are simulated in one batch.
+
+    A large batch is fast. With several worker processes, batches are small enough that the processes end at about the
+    same time.
+    """
+    threads = plan.options.threads
+    if threads == 1:
+        return plan.options.at_once
+    return min(plan.options.at_once, max(1, -(-plan.manifest.episode_count // (threads * GROUPS_PER_WORKER))))
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:

@@ -1,6 +1,8 @@
 """Recorded episodes: the signals of each control step, from which all measures are computed."""
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,17 @@ The signal is recorded after each control step, and only if the policy does not 
 OBSERVED = ("projected_gravity", "angular_velocity", "linear_velocity")
 Limits = float | tuple[float, ...]
 """Type of a limit of the joints, such as torque: one number for all joints, or one number for each joint."""
+_EPISODE_FIELDS = (
+    "seeds",
+    "push_step",
+    "push_impulse",
+    "fall_step",
+    "fall_reason",
+    "divergence_step",
+    "failure",
+    "failure_step",
+)
+"""Names of the fields of `Episodes` with one row per episode, (n, …)."""
 BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
 """Names of the signals that are recorded as bool; all other signals are recorded as float32."""
 
@@ -175,6 +188,32 @@ class Episodes:
     def diverged(self) -> Bools:
         """True for episodes that ended because the simulation became unstable (diverged), (n,)."""
         return np.asarray((self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps))
+
+    def select(self, rows: slice, robot: Robot) -> "Episodes":
+        """Return some of these episodes, as a simulation of these episodes alone records them.
+
+        A simulation ends when all of its robots have fallen. If all selected robots have fallen, their signals in later
+        control steps are therefore set to zero.
+
+        Args:
+            rows: Range of the k episodes.
+            robot: Robot of the k episodes, with its servo gains.
+
+        Returns:
+            The k episodes. Their signals are views of the signals of this object.
+        """
+        signals = {name: getattr(self, name) for name in shapes(self.robot)}
+        selected = {name: signal[:, rows] for name, signal in signals.items() if signal is not None}
+        end = int(self.fall_step[rows].max()) + 1
+        for signal in selected.values():
+            signal[end:] = 0
+        of_episode = {name: getattr(self, name)[rows] for name in _EPISODE_FIELDS}
+        return dataclasses.replace(self, robot=robot, **selected, **of_episode)
+
+    def without_policy_signals(self) -> "Episodes":
+        """Return these episodes without the signals that only some policies provide, such as `stopped`."""
+        absent: dict[str, Any] = dict.fromkeys(POLICY_SIGNALS)
+        return dataclasses.replace(self, **absent)
 
 
 def weight(robot: Robot, scenario: Scenario) -> float:

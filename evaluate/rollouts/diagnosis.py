@@ -5,20 +5,18 @@ gains.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig, ServosByRow
 from evaluate.rollouts.walking_test import Command, Walk, run_walks
 from policies.base import Policy
 from policies.external import ExternalPolicy
 from policies.external.network_policy import NetworkPolicy
 from policies.external.spec_errors import COMMON_ERRORS, ORDERS, Correction, corrections, second_corrections
 from policies.policy_stack import PolicyStack
-from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import table_with
 
@@ -43,26 +41,6 @@ A full test has a walk for each test command: stand, walk forward, and walk in a
 """
 NUM_COMBINED_CORRECTIONS = 2
 """Number of best single corrections of a policy's description that are also tested with a second correction."""
-
-
-@dataclass(frozen=True)
-class ServosByRow(HardwareConfig):
-    """Hardware configuration with different servo gains for each robot of a batch."""
-
-    gains: Any = None
-    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of n robots, (2, n, 12)."""
-
-    def env_kwargs(self, robot: Robot) -> dict[str, Any]:
-        """Return the keyword arguments of an environment with the servo gains `gains`: name -> value.
-
-        `robot` is the robot of the policy.
-        """
-        return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
-
-    def mean_robot(self) -> Robot:
-        """Return the robot model, with the mean of the servo gains over the n robots of the batch."""
-        is_uniform = (self.gains == self.gains[:, :1]).all()
-        return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
 
 
 def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:

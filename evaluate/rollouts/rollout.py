@@ -205,7 +205,7 @@ def run(
     policy: Policy,
     scenario: str | Scenario,
     seeds: NDArray[np.int64],
-    *,
+    *observers: Observer,
     nthread: int = 1,
     steps: int = STEPS,
     progress: Progress = lambda _: None,
@@ -217,6 +217,7 @@ def run(
         policy: Policy that controls all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
+        *observers: Further functions that receive the start and every control step; see `Observer`.
         nthread: Number of threads with which the robots are simulated.
         steps: Maximum number of control steps of an episode.
         progress: Function that receives the finished fraction, 0 … 1.
@@ -231,7 +232,7 @@ def run(
         if step.number < steps and step.number % REPORT_PERIOD == 0:
             progress(step.number / steps)
 
-    roll_out(policy, scenario, seeds, recorder, report, steps=steps, nthread=nthread, hardware=hardware)
+    roll_out(policy, scenario, seeds, recorder, report, *observers, steps=steps, nthread=nthread, hardware=hardware)
     progress(1.0)
     return recorder.episodes()
 

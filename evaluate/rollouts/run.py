@@ -5,9 +5,8 @@ result of this subset is a chunk.
 """
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -19,6 +18,9 @@ from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
+from evaluate.rollouts.policy_group import run_group
+from evaluate.rollouts.task_groups import TaskGroup, group_tasks
+from quad_env.cli.launcher import is_out_of_memory
 from quad_env.cli.progress import CellProgress
 from quad_env.scenarios.registry import Scenario
 
@@ -113,7 +115,7 @@ def run_cells(
         cell, task = cell_tasks[task_index]
         cell.report(task, fraction)
 
-    execute = settings.executor or sequential(settings.nthread)
+    execute = settings.executor or sequential(settings.nthread, settings.chunk_size)
     with closing(execute([task for _, task in cell_tasks], progress)) as chunks:
         for task_index, chunk in chunks:
             if settings.store is not None:
@@ -124,14 +126,109 @@ def run_cells(
                 yield cell.finish()
 
 
-def sequential(nthread: int) -> Executor:
-    """Return a function that runs one task after the other in this process, each with `nthread` threads."""
+def sequential(nthread: int, max_rows: int = 1) -> Executor:
+    """Return a function that runs one group of tasks after the other in this process.
+
+    Args:
+        nthread: Number of threads with which the robots of a group are simulated.
+        max_rows: Maximum number of episodes in a group of several tasks; see `group_tasks`.
+
+    Returns:
+        The function that runs tasks.
+    """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        for task_index, task in enumerate(tasks):
-            yield task_index, simulate(task, nthread, partial(progress, task_index))
+        for group in group_tasks(tasks, max_rows):
+
+            def report(fraction: float, group: TaskGroup = group) -> None:
+                for task_index in group:
+                    progress(task_index, fraction)
+
+            result = simulate_group([tasks[index] for index in group], nthread, report)
+            yield from result.by_task(group)
 
     return execute
+
+
+@dataclass(frozen=True)
+class GroupResult:
+    """Result of a group of tasks: a chunk for each task, or the first exception of a policy."""
+
+    chunks: tuple[EpisodeChunk | None, ...]
+    """Result of each task; None if its policy has raised an exception."""
+    error: BaseException | None = None
+    """First exception that a policy has raised; None if there is none."""
+
+    def by_task(self, group: TaskGroup) -> Iterator[tuple[int, EpisodeChunk]]:
+        """Yield the index and the result of each finished task, then raise the exception of a policy, if any.
+
+        Args:
+            group: Index of each task of the group.
+
+        Yields:
+            Index of the task, and its result.
+        """
+        for task_index, chunk in zip(group, self.chunks, strict=True):
+            if chunk is not None:
+                yield task_index, chunk
+        if self.error is not None:
+            raise self.error
+
+
+def simulate_group(tasks: Sequence[Task], nthread: int, progress: Callable[[float], None]) -> GroupResult:
+    """Simulate and measure the episodes of a group of tasks in one batch.
+
+    If the memory is not sufficient, each task is simulated on its own.
+
+    Args:
+        tasks: Tasks of one group, as `group_tasks` makes them.
+        nthread: Number of threads with which the robots are simulated.
+        progress: Function that receives the finished fraction of the group, below 1.
+
+    Returns:
+        The results of the tasks. If a policy raises an exception, the other tasks still have results.
+    """
+    if len(tasks) > 1:
+        with _suppress_out_of_memory():
+            return _simulate_together(tasks, nthread, progress)
+    return GroupResult(tuple(simulate(task, nthread, progress) for task in tasks))
+
+
+@contextmanager
+def _suppress_out_of_memory() -> Iterator[None]:
+    """Return a context that suppresses exceptions due to a lack of memory."""
+    try:
+        yield
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+
+
+def _simulate_together(tasks: Sequence[Task], nthread: int, progress: Callable[[float], None]) -> GroupResult:
+    """Simulate and measure the episodes of several tasks in one batch; see `simulate_group`."""
+    first = tasks[0]
+    results = run_group(
+        [task.policy.policy_for(task.scenario) for task in tasks],
+        first.scenario,
+        [task.seeds for task in tasks],
+        nthread=nthread,
+        steps=first.steps,
+        progress=_below_one(progress),
+        hardware=first.hardware,
+    )
+    chunks = [
+        None
+        if isinstance(episodes, Exception)
+        else EpisodeChunk(task.episode_indices, measure_cell(task.policy.label, task.scenario, episodes))
+        for task, episodes in zip(tasks, results, strict=True)
+    ]
+    errors = (result for result in results if isinstance(result, Exception))
+    return GroupResult(tuple(chunks), next(errors, None))
+
+
+def _below_one(progress: Callable[[float], None]) -> Callable[[float], None]:
+    """Return a progress function that calls `progress` with all fractions below 1."""
+    return lambda fraction: None if fraction >= 1.0 else progress(fraction)
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> EpisodeChunk:
@@ -151,7 +248,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
         task.seeds,
         nthread=nthread,
         steps=task.steps,
-        progress=lambda fraction: None if fraction >= 1.0 else progress(fraction),
+        progress=_below_one(progress),
         hardware=task.hardware,
     )
     return EpisodeChunk(task.episode_indices, measure_cell(task.policy.label, task.scenario, episodes))

@@ -1,6 +1,6 @@
 """Executor that runs tasks (subsets of episodes) in parallel worker processes.
 
-Each worker process runs the policy and the simulation of its task, so that policies also run in parallel.
+Each worker process runs the policies and the simulation of a group of tasks, so that policies also run in parallel.
 """
 
 import contextlib
@@ -12,13 +12,15 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import replace
 from multiprocessing import connection
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from typing import Any
 
 from evaluate.cells import EpisodeChunk, Task
-from evaluate.rollouts.run import Executor, TaskProgress, sequential, simulate
+from evaluate.rollouts.run import Executor, GroupResult, TaskProgress, sequential, simulate_group
+from evaluate.rollouts.task_groups import TaskGroup, group_tasks
 from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
 from quad_env.extensions import Extension, add_extension, added_extensions
@@ -51,8 +53,8 @@ class WorkerDiedError(UsageError):
     """Error that is raised if a worker process dies or cannot be started."""
 
 
-def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Return a function that runs tasks in `count` or fewer worker processes, in parallel.
+def process_pool(count: int, check: Callable[[], None] = lambda: None, max_rows: int = 1) -> Executor:
+    """Return a function that runs groups of tasks in `count` or fewer worker processes, in parallel.
 
     The results of the tasks do not depend on the number of processes. The workers end when the process that started
     them ends for any reason or raises an exception. The processes use no threads and no locks, so that a process never
@@ -62,6 +64,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
         count: Maximum number of worker processes.
         check: Function that is called repeatedly while the executor waits. If it raises an exception, the execution
             ends.
+        max_rows: Maximum number of episodes in a group of several tasks; see `group_tasks`.
 
     Returns:
         The function that runs tasks. It raises WorkerDiedError if a worker dies. It raises an exception again that a
@@ -69,41 +72,47 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        if min(count, len(tasks)) < 2 or sum(map(estimated_steps, tasks)) < MIN_PARALLEL_STEPS:
-            yield from sequential(count)(tasks, progress)
+        groups = group_tasks(tasks, max_rows)
+        if min(count, len(groups)) < 2 or sum(map(estimated_steps, tasks)) < MIN_PARALLEL_STEPS:
+            yield from sequential(count, max_rows)(tasks, progress)
             return
-        with _workers(min(count, len(tasks), MAX_WORKERS)) as workers:
-            yield from _distribute(tasks, workers, progress, check)
+        with _workers(min(count, len(groups), MAX_WORKERS)) as workers:
+            yield from _distribute(tasks, groups, workers, progress, check)
 
     return execute
 
 
 def _distribute(
-    tasks: Sequence[Task], workers: list["_Worker"], progress: TaskProgress, check: Callable[[], None]
+    tasks: Sequence[Task],
+    groups: Sequence[TaskGroup],
+    workers: list["_Worker"],
+    progress: TaskProgress,
+    check: Callable[[], None],
 ) -> Generator[tuple[int, EpisodeChunk]]:
-    """Distribute tasks to idle workers, and yield the index and the result of each finished task.
+    """Distribute groups of tasks to idle workers, and yield the index and the result of each finished task.
 
     If a task raises an exception, this function raises the exception again. `progress` receives the index of a running
     task and its finished fraction. `check` is called repeatedly while the function waits for messages.
     """
-    remaining = iter(enumerate(tasks))
+    remaining = iter(groups)
     while workers:
         check()
         for worker in _ready_workers(workers):
-            task_index = worker.task_index
+            group = worker.group
             message = worker.receive()
             if isinstance(message, float):
-                progress(task_index, message)
+                for task_index in group:
+                    progress(task_index, message)
                 continue
             if isinstance(message, BaseException):
                 raise message
-            next_task = next(remaining, None)
-            if next_task is None:
+            next_group = next(remaining, None)
+            if next_group is None:
                 workers.remove(worker)
             else:
-                worker.submit(*next_task)
-            if isinstance(message, EpisodeChunk):
-                yield task_index, message
+                worker.submit(next_group, [tasks[index] for index in next_group])
+            if isinstance(message, GroupResult):
+                yield from message.by_task(group)
 
 
 def estimated_steps(task: Task) -> float:
@@ -115,29 +124,29 @@ def estimated_steps(task: Task) -> float:
 
 
 class _Worker:
-    """Handle of a worker process in its parent: the process, the pipe to it, and its current task."""
+    """Handle of a worker process in its parent: the process, the pipe to it, and its current group of tasks."""
 
     def __init__(self, context: SpawnContext) -> None:
-        self.task_index = -1
-        """Index of the task that the worker runs; -1 before its first task."""
+        self.group: TaskGroup = ()
+        """Indices of the tasks that the worker runs; empty before its first tasks."""
         self.pipe, child_pipe = context.Pipe()
         self.process = context.Process(target=_work, args=(child_pipe, added_extensions()), daemon=False)
         with contextlib.closing(child_pipe):
             self.process.start()
 
-    def submit(self, task_index: int, task: Task) -> None:
-        """Send the `task` with index `task_index` to the idle worker; raise WorkerDiedError if it has died."""
-        self.task_index = task_index
+    def submit(self, group: TaskGroup, tasks: Sequence[Task]) -> None:
+        """Send `tasks`, with the indices `group`, to the idle worker; raise WorkerDiedError if it has died."""
+        self.group = group
         try:
-            self.pipe.send(task)
+            self.pipe.send(tasks)
         except OSError:
             raise self._death() from None
 
     def receive(self) -> Any:
         """Return the next message of the worker process; raise WorkerDiedError if the process has died.
 
-        The first message after the start is None. The messages during a task are its finished fractions, below 1. The
-        last message of a task is its result or its exception.
+        The first message after the start is None. The messages during a group of tasks are its finished fractions,
+        below 1. The last message of a group is its result or its exception.
         """
         try:
             if self.pipe.poll():
@@ -228,7 +237,7 @@ def _check_extensions() -> None:
 
 
 def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
-    """Run the loop of a worker process: receive tasks and send the results until the pipe closes.
+    """Run the loop of a worker process: receive groups of tasks and send the results until the pipe closes.
 
     Args:
         pipe: Connection to the parent process.
@@ -240,18 +249,18 @@ def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
     with contextlib.suppress(EOFError, OSError, MemoryError):
         pipe.send(None)
         while True:
-            pipe.send(_run_task(pipe.recv(), pipe))
+            pipe.send(_run_group(pipe.recv(), pipe))
 
 
-def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
-    """Simulate a task, and send its finished fraction to the parent process every POLL_PERIOD.
+def _run_group(tasks: Sequence[Task], pipe: Connection) -> GroupResult | BaseException:
+    """Simulate a group of tasks, and send its finished fraction to the parent process every POLL_PERIOD.
 
     Args:
-        task: Task to simulate.
+        tasks: Tasks of the group.
         pipe: Connection to the parent process.
 
     Returns:
-        The result of the task, or the exception that it raised.
+        The result of the group, or the exception that it raised.
     """
     next_report = 0.0
 
@@ -260,11 +269,12 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
         if (now := time.monotonic()) < next_report:
             return
         next_report = now + POLL_PERIOD
-        # If the parent process has closed the pipe, `send` raises an exception, which ends the task.
+        # If the parent process has closed the pipe, `send` raises an exception, which ends the group.
         pipe.send(float(fraction))
 
     try:
-        return simulate(task, 1, report)
+        result = simulate_group(tasks, 1, report)
+        return result if result.error is None else replace(result, error=_picklable(result.error))
     except BaseException as error:
         return _picklable(error)
 

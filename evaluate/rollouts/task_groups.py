@@ -1,0 +1,70 @@
+"""Groups of tasks that are simulated in one batch: the same scenario with several policies."""
+
+from collections.abc import Hashable, Sequence
+
+from evaluate.cells import Task
+from policies.base import Policy
+from policies.external import ExternalPolicy
+from quad_env.physics.simulators import SIMULATOR_FEATURES
+
+TaskGroup = tuple[int, ...]
+"""Indices of tasks that are simulated in one batch, in ascending order."""
+
+
+def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
+    """Divide tasks into groups; the tasks of a group are simulated in one batch.
+
+    The tasks of a group have the same scenario, different policies, and policies that need the same environment except
+    for the servo gains. An external policy runs alone, because the other policies would wait for its process.
+
+    Args:
+        tasks: Tasks of a run.
+        max_rows: Maximum number of episodes in a group of several tasks; it limits the memory.
+
+    Returns:
+        Groups with all indices of the tasks, in the order of their first tasks.
+    """
+    groups: list[list[int]] = []
+    open_groups: dict[Hashable, list[list[int]]] = {}
+    for index, task in enumerate(tasks):
+        key = _environment(task)
+        candidates = [] if key is None else open_groups.setdefault(key, [])
+        group = next((each for each in candidates if _has_room(tasks, each, task, max_rows)), None)
+        if group is None:
+            group = []
+            groups.append(group)
+            candidates.append(group)
+        group.append(index)
+    return [tuple(group) for group in groups]
+
+
+def _has_room(tasks: Sequence[Task], group: Sequence[int], task: Task, max_rows: int) -> bool:
+    """Return True if the `task` can join a group without the same policy and with at most `max_rows` episodes."""
+    members = [tasks[index] for index in group]
+    rows = sum(len(member.seeds) for member in (*members, task))
+    return rows <= max_rows and all(_policy(member) is not _policy(task) for member in members)
+
+
+def _policy(task: Task) -> Policy:
+    """Return the policy object that runs a `task`."""
+    return task.policy.policy_for(task.scenario)
+
+
+def _environment(task: Task) -> Hashable | None:
+    """Return a key that is equal for tasks that can run in one batch; None if the task runs alone."""
+    policy = _policy(task)
+    if is_external(policy):
+        return None
+    simulator = task.hardware.simulator
+    # Drake gives all robots the servo gains of the model.
+    gains = b"" if SIMULATOR_FEATURES[simulator].per_env_servo_gains else policy.robot.gains.tobytes()
+    needs = (policy.control_period, policy.height_scan, policy.observations, gains)
+    return id(task.scenario), task.steps, task.hardware, needs
+
+
+def is_external(policy: Policy) -> bool:
+    """Return True if a policy, or the policy inside its safety layer, runs in a process of its own."""
+    inner = policy
+    while isinstance(next_inner := getattr(inner, "policy", None), Policy):
+        inner = next_inner
+    return isinstance(inner, ExternalPolicy)
