@@ -172,11 +172,11 @@ def run_group(
         group,
         scenario,
         np.concatenate(seeds),
-        group.observe,
         nthread=nthread,
         steps=steps,
         progress=progress,
         hardware=servos,
+        observers=(group.observe,),
     )
     return [_result(member, episodes) for member in group.members]
 

@@ -3,7 +3,7 @@
 Each robot runs exactly one episode. If fallen robots were restarted, short episodes would get too much weight.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -205,11 +205,12 @@ def run(
     policy: Policy,
     scenario: str | Scenario,
     seeds: NDArray[np.int64],
-    *observers: Observer,
+    *,
     nthread: int = 1,
     steps: int = STEPS,
     progress: Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
+    observers: Sequence[Observer] = (),
 ) -> Episodes:
     """Run one episode of a policy for each seed, and record the signals of all control steps.
 
@@ -217,11 +218,11 @@ def run(
         policy: Policy that controls all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
-        *observers: Further functions that receive the start and every control step; see `Observer`.
         nthread: Number of threads with which the robots are simulated.
         steps: Maximum number of control steps of an episode.
         progress: Function that receives the finished fraction, 0 … 1.
         hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
+        observers: Further functions that receive the start and every control step; see `Observer`.
 
     Returns:
         The recorded signals of all episodes.

@@ -90,7 +90,7 @@ def test_episodes_are_added_and_only_they_are_simulated(few_episodes, whole, tmp
     code, error = evaluate("--episodes", 4, "--out", folder, "--threads", 1)
     assert code == 0, error
     assert f"{folder}: 12 episodes are kept, 4 are simulated" in error
-    assert [count for _, count in simulated] == [1, 1, 1, 1]
+    assert [count for _, count in simulated] == [2, 2]  # one batch of both policies per scenario
     assert_same(folder, whole)
 
 
@@ -102,7 +102,7 @@ def test_policies_and_episodes_are_added_together_also_after_an_interruption(
 
     def interrupt(policy, scenario, seeds, **settings):
         calls.append(len(seeds))
-        if len(calls) == 3:
+        if len(calls) == 2:  # each scenario is one batch of both policies
             raise KeyboardInterrupt
         return SIMULATE(policy, scenario, seeds, **settings)
 
