@@ -5,6 +5,7 @@ The figures have the widths of one and of two text columns. Colours are the same
 
 import io
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -39,6 +40,8 @@ PANEL_HEIGHT = 1.5
 """Height of a panel of success along an axis or of a learning curve, inches."""
 AXES_PER_ROW = {1: 2, 2: 4}
 """Number of text columns -> panels side by side in the figure of the axes."""
+LABEL_WIDTH = 26
+"""Largest number of characters in a line of the label below a panel of an axis."""
 LEGEND_NAMES = {1: 2, 2: 4}
 """Number of text columns -> names side by side in a legend."""
 DATE_METADATA = {".pdf": "CreationDate", ".svg": "Date", ".png": "Creation Time"}
@@ -193,7 +196,7 @@ def draw_axes(axes: Sequence[SeverityAxis], entries: Sequence[Entry], columns: i
             _draw_levels(panel, axes[index], entry, style[entry.name], len(entries))
         panel.set(ylim=(-3.0, 103.0), yticks=(0, 50, 100))
         panel.set_title(axes[index].name, loc="left")
-        panel.set_xlabel(axes[index].quantity, fontsize=SMALL_SIZE)
+        panel.set_xlabel(textwrap.fill(axes[index].quantity, LABEL_WIDTH), fontsize=SMALL_SIZE)
         if index % across == 0:
             panel.set_ylabel("success, %")
         else:

@@ -11,10 +11,12 @@ import scipy.stats
 from evaluate.__main__ import main
 from evaluate.analysis.entries import list_entries
 from evaluate.analysis.learning_curves import group_by_seed, read_curve
+from evaluate.analysis.results import analyse
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.stored_results import load_results
 from evaluate.report.plots import paper
-from tests.evaluate.conftest import MEMBERS
+from evaluate.rollouts.battery import resolve
+from tests.evaluate.conftest import MEMBERS, fallen
 
 
 @pytest.fixture(scope="module")
@@ -156,3 +158,23 @@ def test_bad_input_is_one_line(planted_run, tmp_path, monkeypatch, capsys, words
     monkeypatch.chdir(tmp_path)
     assert main(["plot", *words.replace("RUN", str(planted_run)).split()]) == 2
     assert complaint.replace("RUN", str(planted_run)) in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_labels_of_neighbouring_panels_do_not_overlap(results, columns) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    names = ("latency", "noise", "dropout", "surprise")
+    scenarios = resolve(tuple(f"{name}:all" for name in names))
+    cells = [fallen("trot", scenario.name, 3, np.zeros(8)) for scenario in scenarios]
+    entry = list_entries(analyse(cells, seed=0, episodes=8, complete=True))
+    with paper.paper_settings():
+        figure = paper.draw_axes(severity_axes(cells), entry, columns)
+        FigureCanvasAgg(figure).draw()
+    boxes = [panel.xaxis.label.get_window_extent() for panel in figure.axes]
+    across = paper.AXES_PER_ROW[columns]
+    for index, box in enumerate(boxes):
+        assert box.x0 >= 0
+        assert box.x1 <= figure.bbox.x1
+        if (index + 1) % across:
+            assert box.x1 < boxes[index + 1].x0
