@@ -193,7 +193,7 @@ class Policy(ABC):
                 f"observation must have shape ({self.num_envs}, {size}), not {np.shape(observation)}; "
                 f"reset(num_envs=n) sets the number of robots, and {self.name} knows {scan}"
             )
-        if not np.isfinite(rows).all():
+        if not all_finite(rows):
             rows = self._replace_nonfinite(rows)
         return rows, single
 
@@ -289,6 +289,12 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
     return rows
 
 
+def all_finite(values: NDArray[np.floating]) -> bool:
+    """Return True if no element of `values` is infinite or NaN."""
+    # `count_nonzero` is faster than `all` for the small arrays of one robot.
+    return np.count_nonzero(np.isfinite(values)) == values.size
+
+
 def to_actions(robot: Robot, targets: Floats) -> Actions:
     """Convert joint targets to actions: float32, clipped to the joint limits.
 
@@ -307,9 +313,7 @@ def to_actions(robot: Robot, targets: Floats) -> Actions:
 
 def within_limits(robot: Robot, actions: Actions) -> Actions:
     """Return the joint targets `actions`, (n, 12), rad, clipped to the joint limits of a `robot`."""
-    lower = robot.joint_lower.astype(np.float32)
-    upper = robot.joint_upper.astype(np.float32)
-    return actions.clip(lower, upper)
+    return actions.clip(*robot.action_limits)
 
 
 def flat_joints(legs: Floats) -> Floats:

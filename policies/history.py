@@ -62,21 +62,24 @@ class History(PerRobotState):
         control_period: Time between two calls of `update`, s.
     """
 
-    _past: Frames = per_robot(axis=1)
-    """Ring buffer of the last scaled observations of n robots, (buffer length, n, k); k numbers per robot."""
-    _averages: Frames = per_robot(axis=1)
-    """Exponential moving averages of the scaled observations, (number of averages, n, k), with k numbers per robot."""
+    _past: Frames = per_robot()
+    """Ring buffer of the last scaled observations of n robots, (n, buffer length, k); k numbers per robot."""
+    _averages: Frames = per_robot()
+    """Exponential moving averages of the scaled observations, (n, number of averages, k), with k numbers per robot."""
     _new: NDArray[np.bool_] = per_robot(True)
     """True for robots that got no observation since their reset, (n,)."""
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
         """Number of elements that `update` returns for each robot, for past frames and averages together."""
-        self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
-        self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
+        self._lags = np.array([max(round(lag / control_period), 1) for lag in inputs.lags], np.intp)
+        rates = [-math.expm1(-control_period / time) for time in inputs.averages]
+        self._rates = np.array(rates, np.float32)[:, None]
+        self._num_lagged = width * len(self._lags)
+        """Number of elements of the past frames, which precede the averages in the result of `update`."""
         self._now = 0
-        past = np.zeros((max(self._lags, default=0) + 1, width), np.float32)
-        super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
+        past = np.zeros((self._lags.max(initial=0) + 1, width), np.float32)
+        super().__init__(_past=past, _averages=np.zeros((len(rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Reset the robots for which `mask`, (n,) bool, is True; their next observation fills the history."""
@@ -93,21 +96,31 @@ class History(PerRobotState):
             other: History with the same inputs, and one robot for each True in `mask`.
         """
         super().copy_state_from(mask, other)
-        self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
+        self._past[mask] = np.roll(other._past, self._now - other._now, axis=1)
 
-    def update(self, frame: Frames) -> Frames:
+    def update(self, frame: Frames, out: Frames | None = None) -> Frames:
         """Add the newest frame of all robots, and return the past frames and averages that are network inputs.
 
-        `frame`, (n, k), is the scaled observation of this control step, with k numbers per robot. The columns of the
-        result, (n, `width`), are first the past frames in the order of `Inputs.lags`, then the averages in the order of
-        `Inputs.averages`.
+        Args:
+            frame: Scaled observation of this control step, (n, k), with k numbers per robot.
+            out: Array for the result, (n, `width`); None for a new array.
+
+        Returns:
+            First the past frames in the order of `Inputs.lags`, then the averages in the order of `Inputs.averages`,
+            (n, `width`).
         """
-        if self._new.any():
-            self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]
+        if np.count_nonzero(self._new):
+            first = frame[self._new][:, None]
+            self._past[self._new] = first
+            self._averages[self._new] = first
             self._new[:] = False
-        self._now = (self._now + 1) % len(self._past)
-        self._past[self._now] = frame
-        for average, rate in zip(self._averages, self._rates, strict=True):
-            average += rate * (frame - average)
-        lagged = [self._past[self._now - lag] for lag in self._lags]
-        return np.concatenate((*lagged, *self._averages), axis=1)
+        self._now = (self._now + 1) % self._past.shape[1]
+        self._past[:, self._now] = frame
+        result = np.empty((len(frame), self.width), np.float32) if out is None else out
+        if len(self._lags):
+            lagged = self._past.take(self._now - self._lags, axis=1, mode="wrap")
+            result[:, : self._num_lagged] = lagged.reshape(len(frame), -1)
+        if len(self._rates):
+            self._averages += self._rates * (frame[:, None] - self._averages)
+            result[:, self._num_lagged :] = self._averages.reshape(len(frame), -1)
+        return result

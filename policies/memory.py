@@ -106,7 +106,8 @@ def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
 
 def is_allocated(owner: Any) -> bool:
     """Return True if every state array that the class of `owner` declares with `per_robot` is allocated."""
-    return all(name in vars(owner) for name in declared_arrays(owner))
+    attributes: dict[str, Any] = vars(owner)
+    return declared_arrays(owner).keys() <= attributes.keys()
 
 
 def allocate(owner: Any, num_envs: int) -> None:

@@ -23,8 +23,13 @@ class Stand(Policy):
         """Joint angles of the home pose, (12,), rad."""
         return self.robot.home_pose
 
+    @cached_property
+    def _action(self) -> Actions:
+        """Action of one robot, (1, 12), rad: the joint angles `pose` within the joint limits."""
+        return to_actions(self.robot, self.pose)[None]
+
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        return np.tile(to_actions(self.robot, self.pose), (self.num_envs, 1))
+        return self._action.repeat(self.num_envs, axis=0)
 
 
 class Crouch(Stand):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
+from policies.base import Actions, Floats, GaitedPolicy, Policy, all_finite, within_limits
 from policies.gait_cycle import FREQUENCY_FILTER_GAIN, TURN, frequency_increase
 from policies.history import History, Inputs
 from policies.memory import PerRobotState, initialize_state, per_robot
@@ -12,6 +12,12 @@ from policies.velocity_error_integral import VelocityErrorIntegral
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
+
+# These numbers are arrays, because NumPy computes faster with arrays than with Python numbers.
+_ONE = np.array(1.0)
+_FILTER_GAIN = np.array(FREQUENCY_FILTER_GAIN)
+_MIN_CORRECTION = np.array(-1.0, np.float32)
+_MAX_CORRECTION = np.array(1.0, np.float32)
 
 NO_HISTORY = Inputs()
 """Option `inputs` of a network that gets neither past observations nor a clock.
@@ -73,11 +79,32 @@ class Features(PerRobotState):
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         self._position_error = VelocityErrorIntegral(inputs.position_error, base.control_period)
-        gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        clock = 2 if inputs.clock else 0
-        odometer = 3 if inputs.position_error else 0
-        self.width = self._table.size + gaited + clock + odometer + self._history.width
+        self._clock_step = np.array(2.0 * np.pi * inputs.clock * base.control_period)
+        """Increase of the phase of the additional clock in a control step at its frequency at rest, rad."""
+        self._turn_step = np.array(TURN * base.control_period)
+        """Increase of the phase in a control step for each Hz of `clock_increase`, rad."""
+        slices = self._table.slices
+        self._command = slices["command"]
+        horizontal = slices["linear_velocity"].start
+        yaw_rate = slices["angular_velocity"].stop - 1
+        self._velocity_ids = np.array([horizontal, horizontal + 1, yaw_rate])
+        """Indices of forward velocity, lateral velocity and yaw rate in the observation, (3,)."""
+        self._uses_velocity = bool(inputs.position_error or (inputs.clock and inputs.clock_gain))
+        self._home_pose = _home(base.robot)
+        widths = {
+            "observation": self._table.size,
+            "gait": 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0,
+            "clock": 2 if inputs.clock else 0,
+            "position error": 3 if inputs.position_error else 0,
+            "history": self._history.width,
+        }
+        ends = np.cumsum(list(widths.values())).tolist()
+        self.width: int = ends[-1]
         """Number of network inputs (features) of each robot."""
+        self._columns = {
+            name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True) if width
+        }
+        """Kind of features -> columns of these features in the result of `update`."""
         super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
@@ -90,52 +117,56 @@ class Features(PerRobotState):
         Returns:
             Features, the inputs of the network, (n, `width`).
         """
-        self.ticks += 1.0
-        scaled = observation * self._table.scale
-        scaled[:, self._own :] += self._level
-        scaled[:, self._own :][observation[:, self._own :] <= UNSEEN] = 0.0
-        seen = [scaled]
-        if isinstance(self.base, GaitedPolicy):
-            seen += [_phase_features(self.base.phase), base_action - _home(self.base.robot)]
-        if self.inputs.clock:
-            if self.inputs.clock_gain:
-                self._adapt_clock(observation)
-            clock = _phase_features(self.clock_phase)
+        self.ticks = self.ticks + _ONE
+        features = np.empty((len(observation), self.width), np.float32)
+        parts = {name: features[:, columns] for name, columns in self._columns.items()}
+        scaled = np.multiply(observation, self._table.scale, out=parts["observation"])
+        if len(self._level):
+            self._level_scan(observation, scaled)
+        if "gait" in parts and isinstance(self.base, GaitedPolicy):
+            _write_phase(self.base.phase, parts["gait"])
+            np.subtract(base_action, self._home_pose, out=parts["gait"][:, 2:])
+        if self._uses_velocity:
+            command = observation[:, self._command].astype(np.float64)
+            velocity = observation.take(self._velocity_ids, axis=1).astype(np.float64)
+            velocity_error = velocity - command
+            is_finite = all_finite(velocity_error)
+            if self.inputs.clock and self.inputs.clock_gain:
+                self._adapt_clock(velocity_error, is_finite)
+        if "clock" in parts:
+            _write_phase(self.clock_phase, parts["clock"])
             if self.inputs.clock_at_rest == "hidden":
-                clock[~observation[:, self._table.slices["command"]].any(axis=1)] = 0.0
-            seen += [clock]
-        if self.inputs.position_error:
-            seen += [self._integrate_velocity_error(observation)]
-        if self._history.width:
-            seen += [self._history.update(scaled[:, : self._own])]
-        return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
+                parts["clock"][~observation[:, self._command].any(axis=1)] = 0.0
+        if "position error" in parts:
+            known_velocity = velocity if is_finite else np.nan_to_num(velocity)
+            parts["position error"][:] = self._position_error.update(command, known_velocity)
+        if "history" in parts:
+            self._history.update(scaled[:, : self._own], out=parts["history"])
+        return features
 
-    def _integrate_velocity_error(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the position error of all robots, (n, 3), see `VelocityErrorIntegral`.
+    def _level_scan(self, observation: NDArray[np.float32], scaled: NDArray[np.float32]) -> None:
+        """Make the height scan in the features relative to the scan of level ground in the home pose.
 
-        The velocities are in the body frame, from `observation`, (n, k), with k numbers per robot.
+        `observation` and `scaled` are the observation and the scaled observation of all robots, (n, k) each, with k
+        numbers per robot. `scaled` is changed in place.
         """
-        slices = self._table.slices
-        horizontal = observation[:, slices["linear_velocity"]][:, :2]
-        yaw_rate = observation[:, slices["angular_velocity"]][:, 2:]
-        velocity = np.nan_to_num(np.concatenate((horizontal, yaw_rate), axis=1).astype(np.float64))
-        command = observation[:, slices["command"]].astype(np.float64)
-        return self._position_error.update(command, velocity).astype(np.float32)
+        scan = scaled[:, self._own :]
+        scan += self._level
+        scan[observation[:, self._own :] <= UNSEEN] = 0.0
 
-    def _adapt_clock(self, observation: NDArray[np.float32]) -> None:
+    def _adapt_clock(self, velocity_error: Floats, is_finite: bool) -> None:
         """Adapt the frequency of the clock of each robot to its horizontal velocity error.
 
-        The velocity error is measured in the body frame, from `observation`, (n, k), with k numbers per robot.
+        `velocity_error` is actual minus commanded velocity, body frame, (n, 3): forward and lateral velocity, m/s, and
+        yaw rate, rad/s. `is_finite` is False if an element is infinite or NaN.
         """
-        slices = self._table.slices
-        velocity = observation[:, slices["linear_velocity"]].astype(np.float64)
-        command = observation[:, slices["command"]].astype(np.float64)
-        error = np.hypot(velocity[:, 0] - command[:, 0], velocity[:, 1] - command[:, 1])
-        # If the observation of a robot is not finite, its clock keeps the present frequency.
+        error = np.hypot(velocity_error[:, 0], velocity_error[:, 1])
         target = frequency_increase(error, self.inputs.clock_gain, self.inputs.clock_limit)
-        target = np.where(np.isfinite(error), target, self.clock_increase)
-        self.clock_increase = self.clock_increase + FREQUENCY_FILTER_GAIN * (target - self.clock_increase)
-        self.clock_offset = self.clock_offset + TURN * self.base.control_period * self.clock_increase
+        if not is_finite:
+            # The clock of a robot keeps its frequency if the observation of this robot is not finite.
+            target = np.where(np.isfinite(error), target, self.clock_increase)
+        self.clock_increase = self.clock_increase + _FILTER_GAIN * (target - self.clock_increase)
+        self.clock_offset = self.clock_offset + self._turn_step * self.clock_increase
 
     @property
     def clock_frequency(self) -> Floats:
@@ -145,7 +176,7 @@ class Features(PerRobotState):
     @property
     def clock_phase(self) -> Floats:
         """Phase of the additional clock that `inputs` defines, at the latest observation, (n,), rad."""
-        return 2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks + self.clock_offset
+        return self._clock_step * self.ticks + self.clock_offset
 
 
 def apply_correction(
@@ -164,14 +195,19 @@ def apply_correction(
     Returns:
         Corrected joint targets, clipped to the joint limits, (n, 12), rad.
     """
-    one = np.float32(1.0)
-    fraction = np.clip(correction, -one, one) if bounded else correction
+    fraction = _limit(correction) if bounded else correction
     return within_limits(robot, base_action + authority * fraction)
 
 
-def _phase_features(phase: Floats) -> NDArray[np.float32]:
-    """Return the sine and the cosine of a `phase`, (n,), rad, as two columns, (n, 2)."""
-    return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
+def _limit(correction: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a `correction`, (n, 12), clipped to [-1, 1]."""
+    return correction.clip(_MIN_CORRECTION, _MAX_CORRECTION)
+
+
+def _write_phase(phase: Floats, columns: NDArray[np.float32]) -> None:
+    """Write the sine and the cosine of a `phase`, (n,), rad, to the first two `columns`, (n, 2 or more)."""
+    columns[:, 0] = np.sin(phase)
+    columns[:, 1] = np.cos(phase)
 
 
 def _home(robot: Robot) -> Actions:
@@ -251,10 +287,15 @@ class ResidualPolicy(Policy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(observation)
-        seen = self.features.update(observation, self.base_action)
-        if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            corrected = self.network(seen)
-            if self.bounded:
-                corrected = np.clip(corrected, np.float32(-1.0), np.float32(1.0))
-            self.correction = np.where(due[:, None], corrected, self.correction)
-        return apply_correction(self.robot, self.base_action, self.correction, self.authority, self.bounded)
+        features = self.features.update(observation, self.base_action)
+        if self.hold == 1:
+            self.correction = self._compute_correction(features)
+        elif (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
+            self.correction = np.where(due[:, None], self._compute_correction(features), self.correction)
+        # `_compute_correction` has clipped the correction already.
+        return apply_correction(self.robot, self.base_action, self.correction, self.authority, bounded=False)
+
+    def _compute_correction(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Compute the correction of all robots by the network, (n, 12), from `features`, (n, width)."""
+        correction = self.network(features)
+        return _limit(correction) if self.bounded else correction

@@ -41,8 +41,10 @@ class VelocityErrorIntegral(PerRobotState):
             The position error, (n, 3), as in the attribute `position_error`.
         """
         position_error = self.position_error + self._period * (command - velocity)
-        is_same_command = (command == self._command).all(axis=1, keepdims=True)
-        bounded_error = position_error.clip(-self._max_error, self._max_error)
-        self.position_error = np.where(is_same_command, bounded_error, 0.0)
+        self.position_error = position_error.clip(-self._max_error, self._max_error)
+        is_same_command = command == self._command
+        if np.count_nonzero(is_same_command) < is_same_command.size:
+            unchanged = is_same_command.all(axis=1, keepdims=True)
+            self.position_error = np.where(unchanged, self.position_error, 0.0)
         self._command = command
         return self.position_error

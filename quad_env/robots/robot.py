@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from quad_env.files.text import one_line
 from quad_env.robots.model_digest import digest
@@ -145,7 +145,7 @@ class Robot(RobotParameters):
         return isinstance(other, Robot) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash((self.name, self.mjcf))
+        return self._hash
 
     def __reduce__(self) -> tuple[type["Robot"], tuple[object, ...]]:
         return Robot, tuple(self.by_name.values())
@@ -159,6 +159,11 @@ class Robot(RobotParameters):
         compared = [value for name, value in self.by_name.items() if "servo" not in name]
         return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in compared)
 
+    @cached_property
+    def _hash(self) -> int:
+        """Hash value of the robot, cached for the same reason as `_key`."""
+        return hash((self.name, self.mjcf))
+
     @property
     def joint_lower(self) -> Floats:
         """Lower joint limits of the robot's compiled model, zero with the legs straight down, (12,), rad."""
@@ -168,6 +173,15 @@ class Robot(RobotParameters):
     def joint_upper(self) -> Floats:
         """Upper joint limits of the robot's compiled model, zero with the legs straight down, (12,), rad."""
         return self._compiled[1]
+
+    @cached_property
+    def action_limits(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Lower and upper joint limits in float32, the type of an action, (12,) each, rad."""
+        lower = self.joint_lower.astype(np.float32)
+        upper = self.joint_upper.astype(np.float32)
+        lower.flags.writeable = False
+        upper.flags.writeable = False
+        return lower, upper
 
     @property
     def mass(self) -> float:

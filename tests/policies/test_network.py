@@ -1,11 +1,15 @@
 import hashlib
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import policies
 from policies.network import LIMIT, Network, activation_chords, fold_normalization, piece_index
+
+MODELS = Path(__file__).parents[2] / "models"
 
 
 def random_network(sizes=(62, 128, 128, 12)):
@@ -71,6 +75,46 @@ def test_sums_are_exact():
     network = Network((f32([*weights, *-weights, 1.0])[:, None],), (f32([0.0]),))
     seen = np.concatenate([inputs, inputs, np.full((200, 1), 2.0**-20)], axis=1)
     np.testing.assert_array_equal(network(f32(seen)), np.float32(2.0**-20))
+
+
+def whole_products(network, inputs):
+    """Return the outputs of a network by its definition, with each layer's sums in one product."""
+    slopes, intercepts = activation_chords()
+    values = np.clip(inputs, np.float32(-LIMIT), np.float32(LIMIT)).astype(np.float64)
+    for index, (weight, bias) in enumerate(network._layers):
+        if index:
+            pieces = piece_index(values)
+            # The grid is added to the intercept first, as the network does: two additions would round twice.
+            values = values * slopes[pieces] + (intercepts[pieces] + GRID) - GRID
+        else:
+            values = (values + GRID) - GRID
+        values = values @ weight + bias
+    return values.astype(np.float32)
+
+
+GRID = 1.5 * 2.0**32
+"""Number that rounds a float64 to multiples of 2^-20 when it is added and subtracted again."""
+EXTREMES = f32([0.0, -0.0, 64.0, -64.0, 1e-45, -1e-38, 3.4e38, -3.4e38, 2.0**-21, 1.5 * 2.0**-20, np.inf, -np.inf])
+
+
+@pytest.mark.parametrize("hidden", [(256, 128, 64), (512, 256, 128), (1030,), (700, 33)])
+@pytest.mark.parametrize("rows", [1, 2, 9, 31, 33, 128, 161])
+def test_products_in_parts_have_the_bits_of_whole_products(hidden, rows):
+    """The numbers of units and of robots include multiples of the size of a part, and numbers around them."""
+    network, rng = random_network((389, *hidden, 12)), np.random.default_rng(rows)
+    inputs = f32(rng.normal(0.0, 2.0, (rows, 389)))
+    inputs = np.where(rng.random(inputs.shape) < 0.05, rng.choice(EXTREMES, inputs.shape), inputs)
+    assert network(inputs).tobytes() == whole_products(network, inputs).tobytes()
+    lost = np.where(rng.random((rows, 1)) < 0.5, np.float32(np.nan), inputs)
+    np.testing.assert_array_equal(network(lost), whole_products(network, lost))
+
+
+@pytest.mark.parametrize("bundle", sorted(path.parent for path in MODELS.rglob("policy.json")), ids=str)
+def test_the_networks_of_shipped_bundles_have_the_bits_of_whole_products(bundle):
+    network, rng = policies.load(bundle, servo="own").network, np.random.default_rng(5)
+    for rows, scale in ((1, 1.0), (40, 3.0), (128, 100.0)):
+        inputs = f32(rng.normal(0.0, scale, (rows, network.sizes[0])))
+        assert network(inputs).tobytes() == whole_products(network, inputs).tobytes()
 
 
 @pytest.mark.parametrize(

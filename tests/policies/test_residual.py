@@ -167,6 +167,47 @@ def test_the_position_error_is_the_integral_of_the_velocity_error_since_the_last
         np.testing.assert_allclose(shown, expected, atol=1e-6)
 
 
+def test_position_errors_of_robots_are_independent_and_an_unknown_velocity_counts_as_zero():
+    """The command of the second robot changes after four steps; the velocity of the third robot is NaN."""
+    features = Features(policies.make("stand"), Inputs(position_error=1.0))
+    features.reset(3)
+    seen = np.zeros((3, OBSERVATION_SIZE), np.float32)
+    seen[:, OBSERVATION["command"]] = 0.5, 0.0, 0.0
+    seen[:, OBSERVATION["linear_velocity"]] = [[0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [np.nan, np.nan, 0.0]]
+    for step in range(8):
+        if step == 4:
+            seen[1, OBSERVATION["command"]] = 0.2, 0.0, 0.0
+        shown = features.update(seen, np.zeros((3, 12), np.float32))[:, -3:]
+    # The first step of a command resets the position error, and the first command counts as a change.
+    forward = 7 * 0.01 * 0.4, 3 * 0.01 * 0.1, 7 * 0.01 * 0.5
+    np.testing.assert_allclose(shown, [(error, 0.0, 0.0) for error in forward], atol=1e-6)
+
+
+def test_features_actions_and_states_of_an_earlier_step_stay_as_they_were():
+    rng = np.random.default_rng(6)
+    inputs = Inputs(lags=(0.02,), averages=(0.1,), clock=2.5, clock_gain=1.0, position_error=0.5)
+    features, policy = Features(policies.make("stand"), inputs), policies.make("stand")
+    network = Network((rng.normal(size=(features.width, 12)).astype(np.float32),), (np.zeros(12, np.float32),))
+    residual = ResidualPolicy(policies.make("stand"), network, inputs=inputs)
+    for each in (features, policy, residual):
+        each.reset(2)
+    earlier = []
+    for _ in range(4):
+        observation = rng.normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
+        base_action = policy.act(observation)
+        results = [
+            base_action,
+            features.update(observation, base_action),
+            features.ticks,
+            features.clock_offset,
+            residual.act(observation),
+            residual.correction,
+        ]
+        earlier += [(result, result.copy()) for result in results]
+    for kept, then in earlier:
+        np.testing.assert_array_equal(kept, then)
+
+
 @pytest.mark.parametrize(("bounded", "share"), [(True, 1.0), (False, 1.5)])
 def test_a_correction_is_clipped_only_with_bounds(bounded, share):
     home = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
