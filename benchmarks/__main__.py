@@ -1,11 +1,11 @@
-"""`python -m benchmarks`: the five measurements that together take a few minutes, with the limits of their figures.
+"""`python -m benchmarks`: the six measurements that together take a few minutes, with the limits of their figures.
 
-The other commands, and more figures of these five: `python -m benchmarks.NAME --help`.
+The other commands, and more figures of these six: `python -m benchmarks.NAME --help`.
 """
 
 from dataclasses import dataclass
 
-from benchmarks import physics, policies, single_env, startup, vector_env
+from benchmarks import network, physics, policies, single_env, startup, vector_env
 from benchmarks.support.bars import BARS
 from benchmarks.support.command import BenchmarkResult, OutputOptions, make_command
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SHIPPED
@@ -14,19 +14,19 @@ from quad_env.cli.launcher import launch
 
 @dataclass(frozen=True)
 class AllBenchmarksOptions(OutputOptions):
-    """Options of the benchmark of single environment, vector environment, physics, policies and start-up."""
+    """Options of the benchmarks that `python -m benchmarks` runs together."""
 
 
 def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
-    """Run five benchmarks one after the other, with the options for which the requirements are defined.
+    """Run six benchmarks one after the other, with the options for which the requirements are defined.
 
-    The five benchmarks are `single_env`, `vector_env`, `physics`, `policies` and `startup`.
+    The benchmarks are `single_env`, `vector_env`, `physics`, `policies`, `network` and `startup`.
 
     Args:
         options: Options of the command.
 
     Returns:
-        The measured values of all five benchmarks, with the checks of their requirements. The result also has
+        The measured values of all six benchmarks, with the checks of their requirements. The result also has
         the names of the requirements that only other benchmark commands check.
     """
     quick = options.quick
@@ -38,6 +38,7 @@ def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
         ),
         "physics": physics.measure(physics.PhysicsBenchmarkOptions(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
         "policies": policies.measure(policies.PoliciesBenchmarkOptions(quick=quick)),
+        "network": network.measure(network.NetworkBenchmarkOptions(quick=quick)),
         "startup": startup.measure(startup.StartupBenchmarkOptions(quick=quick)),
     }
     return BenchmarkResult(

@@ -53,6 +53,9 @@ BARS = {
     "joint step": Requirement(
         "joint-loop step of one robot, 99.9th percentile", "policies", (Threshold("≤", 2.0, " ms"),)
     ),
+    "network": Requirement(
+        "action of a network that runs alone / of mpc_wbc, one robot, time", "network", (Threshold("≤", 0.05),)
+    ),
     "training": Requirement(
         "learner steps / physics alone of the same robots, speed", "training", (Threshold("≥", 0.55),)
     ),

@@ -11,7 +11,7 @@ from benchmarks.support.bars import check_requirement
 from benchmarks.support.command import WIDTH, BenchmarkResult
 from benchmarks.view import CHROMIUM
 
-TOGETHER = ("single_env", "vector_env", "physics", "policies", "startup")
+TOGETHER = ("single_env", "vector_env", "physics", "policies", "network", "startup")
 COMMANDS = (*TOGETHER, "rendering", "recording", "view")
 
 
@@ -49,6 +49,7 @@ BROWSER = pytest.mark.skipif(not any(map(shutil.which, CHROMIUM)), reason="needs
         ("vector_env", ""),
         ("physics", ""),
         ("policies", "--policies stand trot"),
+        ("network", "--hidden 8 4"),
         ("recording", "--policies trot"),
         ("startup", ""),
         pytest.param("rendering", "", marks=pytest.mark.rendering),
@@ -60,6 +61,9 @@ def test_command_prints_and_writes_its_figures(name: str, options: str, quick) -
     if name == "vector_env":
         assert found.keys() == {"flat 1", "flat 3", "rough 1", "rough 3", "printed"}
         assert all(found[each]["reset_us"]["median"] > 0 for each in found.keys() - {"printed"})
+    if name == "network":
+        assert found["seconds_per_robot_step"].keys() == found["ratio"].keys() == {"1", "2"}
+        assert all(ratio["median"] > 0.0 for ratios in found["ratio"].values() for ratio in ratios.values())
     if name == "rendering":
         assert all(found["frames_a_second"][ground]["median"] > 0 for ground in ("flat", "stairs", "rough"))
     if name == "view":
