@@ -65,7 +65,7 @@ def test_a_merged_run_gets_further_episodes_and_a_part_does_not(parts: list[Path
     assert code == 0, error
     assert manifest.read(tmp_path).episodes == 6
     for words in (("--episodes", "6"), ("--add", "crouch")):
-        assert "holds only part 1/7 of a run" in refused(*words, "--out", parts[0])
+        assert f"{words[0]}: {parts[0]} is part 1/{COUNT} of a run; valid: " in refused(*words, "--out", parts[0])
 
 
 def test_more_parts_than_episodes_are_one_run_too(tmp_path: Path) -> None:
