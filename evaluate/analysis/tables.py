@@ -98,10 +98,11 @@ class RunTables:
         Raises:
             ModuleNotFoundError: pandas is not installed.
         """
+        selected = self._table(table)
         if importlib.util.find_spec("pandas") is None:
             text = "to_pandas: pandas is not installed; valid: pip install pandas, or the pyarrow tables themselves"
             raise ModuleNotFoundError(text, name="pandas")
-        return self._table(table).to_pandas()
+        return selected.to_pandas()
 
     def definitions(self, table: TableName = "episodes") -> pa.Table:
         """Return unit and meaning of the columns of a table: one row for each column, named `column`."""
