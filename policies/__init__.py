@@ -12,7 +12,7 @@ from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.external import ExternalPolicy, is_reference, unsupported_file_remedy
 from policies.poses import Stand
-from policies.registry import SAFE, TRAINED, is_missing, make, names, resolve, summary
+from policies.registry import SAFE, TRAINED, is_missing, make, names, resolve, summary, trained_names
 from policies.residual import ResidualPolicy
 from policies.safety import Safe
 from policies.trot.open_loop import Trot
@@ -41,6 +41,7 @@ __all__ = [
     "names",
     "resolve",
     "summary",
+    "trained_names",
     "unsupported",
     "unsupported_file_remedy",
 ]

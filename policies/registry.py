@@ -1,6 +1,6 @@
 """Registry of policies: functions that make a policy from its name (`make`) or a path (`resolve`)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
+from policies.description import parse_description
 from policies.external import ExternalPolicy, is_reference, unsupported_file_remedy
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
@@ -26,14 +27,18 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
-TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
-"""Names of the trained policies in the folder `models`.
-
-The name `residual` is in the list even if its policy bundle is missing."""
 STUDENT = "student"
-"""Name of the policy that `python -m train robot` distils for a robot.
+"""Name of the policy that is distilled from a controller for a robot."""
 
-The project ships no student, so that `names` leaves the name out."""
+
+def _bundle_names(robot: Robot) -> tuple[str, ...]:
+    """Return the sorted names of the folders in the models folder of `robot` that have a policy bundle."""
+    folders = (file.parent.name for file in shipped.models_folder(robot).glob(f"*/{DESCRIPTION}"))
+    return tuple(sorted(name for name in folders if name.isidentifier()))
+
+
+TRAINED = tuple(sorted({"end_to_end", "residual", "robust", STUDENT, *_bundle_names(SIMPLE_QUAD)}))
+"""Names of trained policies. A robot has only those that `trained_names` returns for it."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
 
@@ -48,7 +53,8 @@ def _load_shipped(
     """
     folder = shipped.models_folder(robot) / name
     if not folder.is_dir():
-        raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
+        remedy = f"make one with `python -m train` for {robot.name}, or take one of {', '.join(names(robot))}"
+        raise PolicyError(f"no trained policy in {folder}", remedy)
     policy = _load_bundle(folder, robot, control_period, joint_delay_steps, actuator)
     policy.name = name
     return policy
@@ -74,38 +80,88 @@ MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(make_base, base) for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_MPC_GAITS,
-    **{name: partial(_load_shipped, name) for name in (*TRAINED, STUDENT)},
+    **{name: partial(_load_shipped, name) for name in TRAINED},
 }
 """Name of each built-in policy -> function that makes the policy.
 
 The function accepts the keyword arguments `robot` and `control_period` (time between two control steps, s)."""
-_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED, STUDENT)
+_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
 """Names of the built-in policies that may use a dynamics model of the robot.
 
 The functions in `MAKERS` for these policies also accept the keyword arguments `joint_delay_steps` (delay of the
 observed joint angles, control steps) and `actuator`."""
 
 
-def names() -> tuple[str, ...]:
-    """Return the sorted names of all policies that `make` can make.
+def trained_names(robot: Robot) -> tuple[str, ...]:
+    """Return the sorted names of the trained policies of a robot: the policy bundles in its models folder."""
+    return tuple(name for name in _bundle_names(robot) if name in TRAINED or name not in MAKERS)
 
-    They are the built-in policies, the policies of installed extension packages, and the policies that were registered
-    by `add_extension`.
+
+def names(robot: str | Robot = SIMPLE_QUAD) -> tuple[str, ...]:
+    """Return the sorted names of all policies that `make` can make for a robot.
+
+    They are the controllers, the trained policies in the models folder of the robot, the policies of installed
+    extension packages, and the policies that were registered by `add_extension`.
+
+    Args:
+        robot: The robot, or its name.
+
+    Returns:
+        Names of the policies.
     """
-    shipped_names = (name for name in MAKERS if name != STUDENT)
-    return tuple(sorted((*shipped_names, *check_new("policies", MAKERS))))
+    controllers = (name for name in MAKERS if name not in TRAINED)
+    return tuple(sorted({*controllers, *trained_names(get_robot(robot)), *check_new("policies", MAKERS)}))
 
 
 def is_missing(name: str, robot: Robot) -> bool:
     """Return True if `name` is a trained policy that has no policy bundle for `robot`."""
-    return name in (*TRAINED, STUDENT) and not (shipped.models_folder(robot) / name).is_dir()
+    return name in TRAINED and name not in trained_names(robot)
 
 
-def summary(name: str) -> str:
-    """Return a one-line summary of the policy `name`. Raises PolicyError if no policy has this name."""
-    _check_name(name)
+def summary(name: str, robot: str | Robot = SIMPLE_QUAD) -> str:
+    """Return a one-line summary of a policy. Raises PolicyError if the robot has no policy with this name.
+
+    Args:
+        name: Name of the policy.
+        robot: Robot of the policy, or its name; the trained policies of two robots may have other summaries.
+
+    Returns:
+        The summary.
+    """
+    model = get_robot(robot)
+    _check_name(name, model)
+    if name in trained_names(model):
+        return _summarise_training(name, model)
     if name not in MAKERS:
         return "a policy of an installed extension"
+    return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
+
+
+def shipped_summaries(policy_names: Iterable[str], robot: Robot) -> dict[str, str]:
+    """Return the one-line summaries of the policies that ship with the project: policy name -> summary.
+
+    Args:
+        policy_names: Names of policies. Names of policies that do not ship with the project are left out.
+        robot: Robot of the policies.
+
+    Returns:
+        The summaries, in the order of `policy_names`.
+    """
+    trained = trained_names(robot)
+    return {name: summary(name, robot) for name in policy_names if name in trained or name in SUMMARIES}
+
+
+def _summarise_training(name: str, robot: Robot) -> str:
+    """Return the summary of the trained policy `name` of a robot, by the training settings in its policy bundle."""
+    folder = shipped.models_folder(robot) / name
+    try:
+        training = parse_description(folder, (folder / DESCRIPTION).read_bytes()).training
+    except (OSError, PolicyError):
+        training = {}
+    if teacher := training.get("teacher"):
+        return f"network that has learned the actions of {teacher} and runs alone"
+    if training.get("recipe") == "improve":
+        return "network that has learned the actions of a controller, improved by PPO against harder disturbances"
     return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
 
 
@@ -126,7 +182,7 @@ def make(
     raised for a trained policy that is missing, or that was trained for another robot or control period.
 
     Args:
-        name: One of `names()`, or `safe:NAME` for the policy NAME inside the safety layer `Safe`.
+        name: One of `names(robot)`, or `safe:NAME` for the policy NAME inside the safety layer `Safe`.
         robot: Robot that the policy controls: `env.unwrapped.robot` of the environment, or a name in `quad_env.ROBOTS`.
         control_period: Time between two control steps, s: `env.unwrapped.dt` of the environment.
         actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
@@ -139,7 +195,7 @@ def make(
     Returns:
         The policy. It controls one robot until `reset` sets another number.
     """
-    _check_name(name.rpartition(SAFE)[2])
+    _check_name(name.rpartition(SAFE)[2], get_robot(robot))
     return resolve(
         name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, servo=servo, **options
     )
@@ -217,15 +273,22 @@ def _resolve(
         return ExternalPolicy(reference, robot=robot, control_period=control_period, trust=trust)
     suite = sensor_suite(sensors)
     joint_delay_steps = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
-    if reference in MAKERS:
-        if reference in _MODEL_BASED:
+    if (maker := _find_maker(reference, robot)) is not None:
+        if reference in _MODEL_BASED or reference not in MAKERS:
             options |= {"joint_delay_steps": joint_delay_steps, "actuator": find_actuator(actuator)}
-        return MAKERS[reference](robot=robot, control_period=control_period, **options)
+        return maker(robot=robot, control_period=control_period, **options)
     if reference.isidentifier() and reference in (factories := check_new("policies", MAKERS)):
         return _make_from_extension(reference, factories[reference], robot, control_period, options)
     if Path(reference).is_dir():
         return _load_bundle(reference, robot, control_period, joint_delay_steps, find_actuator(actuator))
-    raise PolicyError(_unknown_reference(reference))
+    raise PolicyError(_unknown_reference(reference, robot))
+
+
+def _find_maker(name: str, robot: Robot) -> Callable[..., Policy] | None:
+    """Return the function that makes a built-in policy, or a trained policy of `robot`; None if there is no `name`."""
+    if name in MAKERS:
+        return MAKERS[name]
+    return partial(_load_shipped, name) if name in trained_names(robot) else None
 
 
 def _make_from_extension(
@@ -245,22 +308,24 @@ def _make_from_extension(
     return policy
 
 
-def _check_name(name: str) -> None:
-    """Raise PolicyError if no built-in policy and no policy of an extension is called `name`."""
-    if name not in MAKERS and name not in names():
-        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+def _check_name(name: str, robot: Robot) -> None:
+    """Raise PolicyError if no built-in policy, no trained policy of `robot` and no extension is called `name`."""
+    if name not in MAKERS and name not in names(robot):
+        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names(robot))}")
 
 
-def _unknown_reference(reference: str) -> str:
+def _unknown_reference(reference: str, robot: Robot) -> str:
     """Return the error message for an unknown policy reference.
 
-    The `reference` is neither the name of a policy, nor the folder of a policy bundle, nor an external policy.
+    The `reference` is neither the name of a policy of `robot`, nor the folder of a policy bundle, nor an external
+    policy.
     """
     if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
     if (missing := missing_file_message(reference)) is not None:
         return missing
     return (
-        f"no policy {reference!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of "
-        "yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another project"
+        f"no policy {reference!r}: name one of {', '.join(names(robot))}, the folder of a trained policy, or a policy "
+        "of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another "
+        "project"
     )

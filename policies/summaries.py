@@ -1,7 +1,5 @@
 """One-line summaries of the policies that ship with the project, for listings and documentation."""
 
-from collections.abc import Iterable
-
 SUMMARIES = {
     "stand": "holds the home pose",
     "crouch": "holds a lower pose with bent knees; end-to-end learning starts from it",
@@ -29,16 +27,8 @@ SUMMARIES = {
     "mpc_wbc_pronk": "pronk by mpc_wbc, with a flight phase",
     "residual": "learned correction of a trot: of trot_integral on SimpleQuad, of trot_reference on go1 and go2",
     "robust": "residual with six times as many training steps",
-    "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
+    "end_to_end": "learned without a gait, from a pose; shows the value of residual's base",
 }
 """Name of every policy that ships with the project -> its summary in one line.
 
 `python -m quad_env policies` and docs/policies.md list the policies in this order."""
-
-
-def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Return the one-line summaries of policies that ship with the project: policy name -> summary.
-
-    The dictionary has the order of `names`. Names of policies that do not ship with the project are left out.
-    """
-    return {name: SUMMARIES[name] for name in names if name in SUMMARIES}

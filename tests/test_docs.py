@@ -147,8 +147,12 @@ def test_every_reading_of_a_batch_has_its_row_with_its_shape() -> None:
     assert shown == {name: str(shape).replace("5", "n") for name, shape in added.items()}
 
 
-def test_every_policy_has_its_row() -> None:
-    assert sorted(row[0] for row in table("| name | what it is |", "docs/policies.md")) == sorted(policies.names())
+def test_every_policy_has_its_row_and_every_card_its_link() -> None:
+    rows = table("| name | what it is |", "docs/policies.md")
+    assert sorted(row[0] for row in rows) == sorted({*policies.names(), *policies.TRAINED})
+    cards = {card.relative_to(ROOT).as_posix() for card in (ROOT / "models").rglob("MODEL.md")}
+    linked = re.findall(r"\]\(\.\./(models/[^)]+)\)", PAGES["docs/policies.md"])
+    assert cards <= set(linked)
 
 
 def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> None:

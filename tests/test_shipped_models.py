@@ -13,12 +13,17 @@ from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.residual_bases import base_to_json
+from policies.shipped import MODELS
 from quad_env.robots.registry import INSTALL_COMMAND, MODEL_PACKAGE
 from quad_env.seeding import episode_seeds
 from train.curriculum import with_terrain_seed
 
 EPISODES = 16
-SHIPPED = [(HardwareConfig.robot, name) for name in policies.TRAINED] + [("go1", "residual"), ("go2", "residual")]
+SHIPPED = [
+    (HardwareConfig.robot if file.parents[1] == MODELS else file.parents[1].name, file.parent.name)
+    for file in sorted(MODELS.rglob("policy.json"))
+]
+"""Robot and name of every trained policy in the models folder."""
 ASKED = "push"
 """Scenario of a card that is evaluated again."""
 UNLIKELY = 1e-3

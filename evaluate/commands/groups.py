@@ -66,7 +66,7 @@ def _expand(name: str) -> str:
         return name
     group, words = parts
     paths = [path for word in words.split(SEPARATOR) for path in _matches(group, word)]
-    members = [path if path in policies.names() else path.rstrip("/\\") or path for path in paths]
+    members = [path if path in (*policies.names(), *policies.TRAINED) else path.rstrip("/\\") or path for path in paths]
     if len(members) < MIN_SEEDS:
         raise UsageError(
             f"--policies: group {group} has one training seed, got {words}; valid: {MIN_SEEDS} or more, "

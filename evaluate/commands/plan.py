@@ -227,7 +227,8 @@ def select_policies(
             among `scenarios`.
     """
     if not names:
-        raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
+        valid = ", ".join(policies.names(hardware.robot_model))
+        raise UsageError(f"--policies: none given; name at least one of {valid}, or a folder")
     if unlimited := [name for name in names if name.endswith("@")]:
         raise UsageError(f"--policies: name scenarios after the @ of {', '.join(unlimited)}, as in document@flat")
     selected = [_split_name(name) for name in names]
@@ -277,14 +278,19 @@ def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
     if not Path(name).is_dir() and not policies.is_reference(name):
         label, _, scenarios = name.partition("@")
     only_on = tuple(filter(None, scenarios.split(",")))
-    if label in policies.names():
+    if _is_name(label):
         return label, only_on
     return label.rstrip("/\\") or label, only_on
 
 
+def _is_name(label: str) -> bool:
+    """Return True if `label` is the name of a policy, also of a trained policy that only some robots have."""
+    return label in policies.names() or label in policies.TRAINED
+
+
 def _check_distinct(labels: list[str]) -> None:
     """Raise UsageError if two of the `labels` refer to the same policy."""
-    sources = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
+    sources = [label if _is_name(label) else str(Path(label).resolve()) for label in labels]
     if repeated := sorted({label for label, source in zip(labels, sources, strict=True) if sources.count(source) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
 

@@ -17,7 +17,7 @@ from evaluate.report.sections.overview import render_overview
 from evaluate.report.sections.ranking import render_best_and_worst, render_ranking
 from evaluate.report.sections.seed_groups import render_seed_groups
 from evaluate.report.verdict import ranking_verdict
-from policies.summaries import shipped_summaries
+from policies.registry import shipped_summaries
 from quad_env.cli.format import join_names, with_count
 from quad_env.files.writing import write_atomically
 
@@ -103,7 +103,8 @@ def _head(results: Results, made_by: Origin) -> str:
 def _about(results: Results) -> str:
     """Render the section of the report with a description of each policy, as HTML."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
-    descriptions = {name: f": {escape(text)}" for name, text in shipped_summaries(results.policies).items()}
+    summaries = shipped_summaries(results.policies, results.hardware.robot_model)
+    descriptions = {name: f": {escape(text)}" for name, text in summaries.items()}
     entries = [
         f"<li>{policy_label(results, policy)}{roles.get(policy, '')}{descriptions.get(policy, '')}</li>"
         for policy in results.policies

@@ -103,7 +103,7 @@ def check_exists(name_or_path: str) -> None:
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)
     if (remedy := policies.unsupported_file_remedy(name)) is not None:
         raise UsageError(remedy)
-    if name not in policies.names() and not file.exists():
+    if name not in (*policies.names(), *policies.TRAINED) and not file.exists():
         raise UsageError(
             missing_file_message(name)
             or f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file"

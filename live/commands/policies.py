@@ -14,7 +14,6 @@ from quad_env.cli.format import with_count
 from quad_env.files.reading import read_bytes
 from quad_env.files.text import one_line
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
@@ -33,19 +32,19 @@ def main(options: PoliciesOptions) -> int:
 
 def _lines(robot: Robot) -> Iterator[str]:
     """Yield the lines of the printed list of policies: controllers, then policies that were trained for `robot`."""
-    width = 2 + max(map(len, policies.names()))
+    trained = policies.trained_names(robot)
+    width = 2 + max(map(len, policies.names(robot)))
     yield "controllers, for any robot"
-    of_extensions = [name for name in policies.names() if name not in MAKERS]
+    of_extensions = [name for name in policies.names(robot) if name not in (*MAKERS, *trained)]
     for name in (*(name for name in SUMMARIES if name not in policies.TRAINED), *of_extensions):
         yield f"  {name:{width}}{policies.summary(name)}"
     yield f"\ntrained for {robot.name}, in {shipped.models_folder(robot)}"
-    folders = [file.parent for file in sorted(shipped.models_folder(robot).glob(f"*/{bundle.DESCRIPTION}"))]
-    for folder in folders:
-        summary = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
-        first, *more = filter(None, map(one_line, (summary, *_training_lines(folder))))
-        yield f"  {folder.name:{width}}{first}"
+    for name in trained:
+        lines = (policies.summary(name, robot), *_training_lines(shipped.models_folder(robot) / name))
+        first, *more = filter(None, map(one_line, lines))
+        yield f"  {name:{width}}{first}"
         yield from (f"  {'':{width}}{line}" for line in more)
-    if not folders:
+    if not trained:
         yield f"  none: python -m train --robot {robot.source or robot.name} makes one"
     yield "\nsafe: before a name is that policy within the safety layer. Instead of a name there may be the folder of a"
     yield "trained policy, or a file of yours: my_file.py:MyPolicy, my.onnx, my.zip of Stable-Baselines3, deploy.yaml."
@@ -59,10 +58,12 @@ def _training_lines(folder: Path) -> Iterator[str]:
         training = description.training
         authority = max(description.authority)
         scenarios = with_count(len(training["mixture"]), "scenario")
-        yield (
-            f"base {base}, at most {authority:.2g} rad a joint; {training['steps']:,} steps of training, "
-            f"seed {training['seed']}, on {scenarios}"
+        amount = (
+            f"{training['labels']:,} labels of {training['teacher']}"
+            if "teacher" in training
+            else f"{training['steps']:,} steps of training"
         )
+        yield f"base {base}, at most {authority:.2g} rad a joint; {amount}, seed {training['seed']}, on {scenarios}"
     except (policies.PolicyError, OSError) as error:
         yield str(error)
     except (KeyError, TypeError, ValueError):  # Another program may have written other fields.

@@ -64,7 +64,7 @@ class ViewController:
         self.paused = False
         self._single_step = False
         self._events: deque[str] = deque(maxlen=MAX_EVENTS)
-        self._policy_names = tuple(dict.fromkeys((*names, *policies.names())))
+        self._policy_names = tuple(dict.fromkeys((*names, *policies.names(hardware.robot_model))))
         self.sessions: list[Session] = []
         self.orbit = Orbit()
         self._begin(self._resolve_scenario(scenario), names, seed, command)

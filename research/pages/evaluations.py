@@ -15,7 +15,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_SCENARIOS, EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
-from policies.summaries import SUMMARIES
+from policies.registry import shipped_summaries
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
@@ -141,9 +141,10 @@ def overview_lines(results: dict[str, Any]) -> list[str]:
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
     cost_on = cost_scenario(scenarios_of(results))
     cells_by_policy = {policy: entry["scenarios"] for policy, entry in results["policies"].items()}
+    summaries = shipped_summaries(results["policies"], robot_of(results))
     rows = []
     for policy in dict.fromkeys((*scores, *hardware_scores)):
-        row = {"policy": f"`{policy}`", "about": SUMMARIES.get(policy, ABSENT)}
+        row = {"policy": f"`{policy}`", "about": summaries.get(policy, ABSENT)}
         row |= {"score": scores.get(policy, ABSENT), "hardware": hardware_scores.get(policy, ABSENT)}
         rows.append(row | _effort_cells(cells_by_policy.get(policy, {}).get(cost_on, {}).get("effort", {})))
     heads = {name: head for name, head in _overview_heads().items() if any(row[name] != ABSENT for row in rows)}
@@ -151,7 +152,7 @@ def overview_lines(results: dict[str, Any]) -> list[str]:
     without_score = {
         policy: cells for policy, cells in cells_by_policy.items() if policy not in scores | hardware_scores
     }
-    caption = f"{_overview_caption(results, effort_note)}{_on_flat_ground(without_score)}"
+    caption = f"{_overview_caption(results, effort_note)}{_on_flat_ground(without_score, summaries)}"
     return [*_with_text_column(table(heads, rows).splitlines(), heads), "", caption]
 
 
@@ -204,11 +205,12 @@ def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
     return [lines[0], lines[1].replace("|---|---:|", "|---|---|", 1), *lines[2:]]
 
 
-def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
+def _on_flat_ground(cells_by_policy: Mapping[str, Any], summaries: Mapping[str, str]) -> str:
     """Return sentences about the success on flat ground, one for each policy that has no score.
 
     Args:
         cells_by_policy: Policy that has no score -> scenario -> results on that scenario.
+        summaries: Name of a policy -> its summary in one line.
 
     Returns:
         The sentences; empty if no policy was evaluated on flat ground.
@@ -216,7 +218,7 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
     sentences = ""
     for policy, cells in cells_by_policy.items():
         if FLAT in cells:
-            about = f" ({SUMMARIES[policy]})" if policy in SUMMARIES else ""
+            about = f" ({summaries[policy]})" if policy in summaries else ""
             sentences += f" `{policy}`{about} on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
     return sentences
 
@@ -277,10 +279,11 @@ def score_table(
         Lines of Markdown.
     """
     columns = {name: column for name, column in zip(SCORES, (scores, hardware_scores), strict=True) if column}
+    baseline_name = (display_names or {}).get(baseline, f"`{baseline}`")
     heads = {"policy": "policy"}
     rows: dict[str, dict[str, str]] = {}
     for name, column in columns.items():
-        heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
+        heads |= {name: f"{name}, %", f"{name} difference": f"minus {baseline_name}, % points"}
         for score in column:
             row = rows.setdefault(score.policy, {})
             row |= _score_cells(score, baseline, name)
@@ -305,7 +308,9 @@ def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
     """
     percent_score = points_with(score.score, score.ci)
     difference = points_with(score.difference, score.difference_ci)
-    difference_text = f"{difference.value} [{difference.interval}], {p_value(score.p_value)}"
+    difference_text = f"{difference.value} [{difference.interval}]"
+    if not math.isnan(score.p_value):
+        difference_text += f", {p_value(score.p_value)}"
     return {
         name: f"{percent_score.value} [{percent_score.interval}{NO_BREAK}%]",
         f"{name} difference": difference_text if score.policy != baseline else ABSENT,

@@ -5,14 +5,20 @@ import numpy as np
 import pytest
 
 import policies
+from policies.bundle import copy
 from policies.history import Inputs
 from policies.legs.kinematics import foot_positions
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from policies.residual_bases import BASES
 from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan
+from tests.robot_models import NEEDS_MODELS
+
+BUNDLES = policies.shipped.MODELS
+"""Folder of the trained policies that ship."""
 
 
 def small_residual():
@@ -166,21 +172,49 @@ def test_crouch_puts_its_feet_under_the_thigh_joints():
 
 
 def test_names_are_sorted_and_every_one_can_be_made():
-    ours = (
-        "behaviour, bound, crouch, document, document_repaired, end_to_end, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
-        "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, robust, "
+    controllers = (
+        "behaviour, bound, crouch, document, document_repaired, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
+        "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, "
         "stand, trot, trot_feedback, trot_integral, trot_reference, walk"
     )
-    assert ", ".join(policies.names()) == ours
+    bundles = {file.parent.name for file in policies.shipped.MODELS.glob("*/policy.json")}
+    assert bundles
+    assert list(policies.names()) == sorted({*controllers.split(", "), *bundles})
     for name in policies.names():
         assert policies.make(name, servo="own").name == name
         assert policies.resolve(name, servo="own").name == name
 
 
-def test_a_robot_without_a_student_says_so():
-    with pytest.raises(policies.PolicyError, match=r"no trained policy in .*student"):
-        policies.make("student")
-    assert policies.is_missing("student", SIMPLE_QUAD)
+@pytest.mark.parametrize("name", ["student", "robust", "end_to_end"])
+def test_a_robot_has_a_trained_policy_when_its_folder_ships(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(policies.shipped, "MODELS", tmp_path)
+    assert policies.is_missing(name, SIMPLE_QUAD)
+    assert name not in policies.names()
+    with pytest.raises(policies.PolicyError, match=rf"no trained policy in .*{name}.*take one of behaviour, bound, .*"):
+        policies.make(name)
+    copy(BUNDLES / "residual", tmp_path / name)
+    assert not policies.is_missing(name, SIMPLE_QUAD)
+    assert policies.trained_names(SIMPLE_QUAD) == (name,)
+    assert name in policies.names()
+    assert policies.make(name, servo="own").name == policies.resolve(name, servo="own").name == name
+
+
+@NEEDS_MODELS
+def test_the_folder_of_a_robot_has_its_own_names_and_refuses_the_policy_of_another_robot(tmp_path, monkeypatch):
+    monkeypatch.setattr(policies.shipped, "MODELS", tmp_path)
+    for name, source in (("student", "go2/residual"), ("robust", "residual"), ("mine", "go2/residual")):
+        copy(BUNDLES / source, tmp_path / "go2" / name)
+    assert policies.trained_names(get_robot("go2")) == ("mine", "robust", "student")
+    assert {"mine", "robust", "student"} <= set(policies.names("go2"))
+    assert not {"mine", "robust", "student"} & set(policies.names())
+    for name in ("student", "mine"):
+        assert policies.make(name, robot="go2", servo="own").name == name
+    with pytest.raises(policies.PolicyError, match=r"robust was made for simple_quad .*not for go2"):
+        policies.make("robust", robot="go2", servo="own")
+    with pytest.raises(policies.PolicyError, match=f"unknown policy 'mine'; there are {', '.join(policies.names())}$"):
+        policies.make("mine")
+    with pytest.raises(policies.PolicyError, match=f"gallop.*{', '.join(policies.names('go2'))}$"):
+        policies.make("gallop", robot="go2")
 
 
 @pytest.mark.parametrize("ask", [policies.make, policies.resolve])

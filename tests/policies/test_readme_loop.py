@@ -18,14 +18,14 @@ from tests.robot_models import NEEDS_MODELS
 NAMED = ("go1", "go2")
 STIFF = {"behaviour", "bound", "crouch", "document", "document_repaired", "gaits", "pace", "pronk", "stand", "trot"}
 STIFF |= {"trot_integral", "walk", "safe:trot"}
+NAMES = sorted({*policies.names(), *policies.TRAINED})
 OWN = {"residual", "trot_reference"}
 """Policies with their own servo gains on go1 and go2."""
 
 
 def shipped(robot: str) -> list[str]:
     """Return the policies that are available for a robot, and one of them with the safety layer."""
-    model = quad_env.ROBOTS[robot] if robot != "simple_quad" else quad_env.SIMPLE_QUAD
-    return ["safe:trot", *(name for name in policies.names() if not policies.is_missing(name, model))]
+    return ["safe:trot", *policies.names(robot)]
 
 
 def expect_the_evaluators_bits(name: str, robot: str) -> str:
@@ -40,7 +40,7 @@ def test_the_loop_on_simple_quad_gives_the_evaluators_bits(name: str) -> None:
 
 
 @NEEDS_MODELS
-@pytest.mark.parametrize(("robot", "name"), [*product(NAMED, ["safe:trot", *policies.names()])])
+@pytest.mark.parametrize(("robot", "name"), [*product(NAMED, ["safe:trot", *NAMES])])
 def test_the_loop_on_other_robots_gives_the_evaluators_bits_or_names_the_remedy(robot: str, name: str) -> None:
     if name not in shipped(robot):
         pytest.skip("no such bundle")
