@@ -12,6 +12,7 @@ from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers
 from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, ValidationConfig, check_mixture, check_scenarios
+from train.run_record import changed_options
 
 MIXTURE = (
     ("flat:2", 0.08), ("steady", 0.02), ("flat:3", 0.03), ("flat:4", 0.02), ("push:2", 0.05), ("push:3", 0.07),
@@ -193,3 +194,9 @@ def check(config: DistillationConfig) -> None:
     robot = config.hardware.robot_model
     check_mixture(config.mixture, robot)
     check_scenarios("--validation.scenarios", config.validation.scenarios, robot)
+
+
+def distillation_command(config: DistillationConfig) -> str:
+    """Return the command line that repeats the distillation with the settings `config`."""
+    default = DistillationConfig(teacher=config.teacher)
+    return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"

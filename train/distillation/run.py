@@ -27,7 +27,7 @@ from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from train.curriculum import with_terrain_seed
 from train.distillation.collection import LabelCollector
-from train.distillation.config import DistillationConfig
+from train.distillation.config import DistillationConfig, distillation_command
 from train.distillation.labels import LabelStore
 from train.distillation.student import Learner, StudentNetwork, make_policy, make_pose
 from train.distillation.teacher import PrivilegedTeacher, make_teacher, student_inputs
@@ -42,7 +42,7 @@ from train.run_folder import (
     refuse_folder_in_use,
     report_write_errors,
 )
-from train.run_record import changed_options, decode, to_dict, write_settings, write_validations
+from train.run_record import decode, to_dict, write_settings, write_validations
 from train.sb3 import checkpoint
 from train.training_robots import MultiScenarioVectorEnv, distribute_robots
 from train.validation import best_validation, describe_validation, validate, validation_record
@@ -75,12 +75,6 @@ def is_finished(folder: Path) -> bool:
     if not has_checkpoint(folder):
         return False
     return bool(checkpoint.load(folder / CHECKPOINTS).progress["remembered"]["is_finished"])
-
-
-def distillation_command(config: DistillationConfig) -> str:
-    """Return the command line that repeats the distillation with the settings `config`."""
-    default = DistillationConfig(teacher=config.teacher)
-    return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"
 
 
 def evaluation_command(config: DistillationConfig) -> str:

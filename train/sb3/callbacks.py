@@ -68,6 +68,10 @@ class CallbackState:
     """Number of segments of the run that were started; all robots start new episodes at the start of a segment."""
     seconds: float = 0.0
     """Time that all sessions of the run have spent on training and validation, s."""
+    cpu_seconds: float | None = 0.0
+    """Processor time that all sessions of the run have taken until the checkpoint, validations included, s.
+
+    None for a run that an older version has begun, because that version did not measure it."""
     rate: float | None = None
     """Current learning rate, if the learning-rate schedule is "adaptive"; otherwise None."""
     difficulties: list[float] = dataclasses.field(default_factory=list)
@@ -85,7 +89,8 @@ class CallbackState:
         Raises UsageError if the dictionary `remembered` does not fit the fields of the class.
         """
         try:
-            return cast(CallbackState, decode(cls, {_FIELDS.get(key, key): value for key, value in remembered.items()}))
+            values = {_FIELDS.get(key, key): value for key, value in remembered.items()}
+            return cast(CallbackState, decode(cls, {"cpu_seconds": None, **values}))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
@@ -147,6 +152,8 @@ class TrainingCallback(BaseCallback):
         self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
         state.difficulties = state.difficulties or [config.curriculum] * len(self._batch_settings)
         self._earlier_seconds = state.seconds
+        self._earlier_cpu_seconds = state.cpu_seconds
+        self._session_cpu_start = time.process_time()
         self._session_start = time.monotonic()
         self._start = 0
         """Number of learner steps of the run when this process started or resumed it."""
@@ -330,6 +337,12 @@ class TrainingCallback(BaseCallback):
         return self._earlier_seconds + time.monotonic() - self._session_start
 
     @property
+    def _cpu_seconds(self) -> float | None:
+        if self._earlier_cpu_seconds is None:
+            return None
+        return self._earlier_cpu_seconds + time.process_time() - self._session_cpu_start
+
+    @property
     def _first_checkpoint_due(self) -> bool:
         """True if the first checkpoint of this process must be written now.
 
@@ -352,6 +365,7 @@ class TrainingCallback(BaseCallback):
         only a bundle could neither be resumed nor used for a new run.
         """
         self._state.seconds = self._seconds
+        self._state.cpu_seconds = self._cpu_seconds
         self._last_checkpoint_step = self.num_timesteps
         policy = self._policy()
         if self._last_checkpoint_step:

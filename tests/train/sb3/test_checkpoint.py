@@ -70,6 +70,8 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
 def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused():
     state = CallbackState(segments=1, seconds=2.5, rate=1e-3, validations=[{"steps": 64}])
     assert CallbackState.read(json.loads(json.dumps(vars(state)))) == state
+    assert CallbackState(cpu_seconds=1.5).to_json()["cpu_seconds"] == 1.5
+    assert CallbackState.read({"seconds": 2.5}).cpu_seconds is None, "an older version did not measure it"
     for remembered in ({"bets": 1}, {"seconds": "long"}, {"validations": 3}):
         with pytest.raises(UsageError, match="does not fit this run"):
             CallbackState.read(remembered)
