@@ -1,16 +1,14 @@
 """Publication of a trained policy: `python -m research publish RUN…` evaluates finished training runs.
 
-The policy of the run with seed 0 is copied to the shipped policies. Its model card MODEL.md has the results of all
-seeds. RUN can also be the folder of a shipped policy, for example models/go1/residual. Its MODEL.md is then written
-again, with the old facts of its training and with new results.
+A run trains a policy by PPO or by distillation. The policy of the run with seed 0 is copied to the shipped policies.
+Its model card MODEL.md has the results of all seeds. RUN can also be the folder of a shipped policy, for example
+models/go1/residual. Its MODEL.md is then written again, with the old facts of its training and with new results.
 """
 
-import json
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -19,24 +17,23 @@ from evaluate.analysis.results import Results
 from evaluate.commands.options import EvaluateOptions as Evaluation
 from evaluate.commands.options import Flag
 from evaluate.commands.plan import check
+from evaluate.hardware import HardwareConfig
 from evaluate.records.store import read_run
 from policies import bundle
-from policies.network import ACTIVATION
 from policies.parameters import limits_of, parameter
 from policies.residual_bases import base_to_json
 from policies.shipped import models_folder
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.registry import scaled_name
-from research.training.model_card import TrainedRun, model_card
-from train.config import TIMESTEP, TrainConfig
-from train.run_folder import BEST, CHECKPOINTS
-from train.run_record import differences, from_dict, load_config
+from research.training.action_time import action_times
+from research.training.model_card import GAIT_SCENARIOS, model_card
+from research.training.trained_run import CARD, KINDS, TrainedRun, load_trained_run, start_settings, teacher_settings
+from train.config import TrainConfig
+from train.distillation.config import DistillationConfig
+from train.run_record import differences
 
-CARD = "MODEL.md"
-"""File name of the model card, the description of a trained policy."""
 SHIPPED_SEED = 0
 """Training seed of the run with the policy that is shipped (included in the project).
 
@@ -45,12 +42,14 @@ The seed was fixed before the training, because the results of the best of sever
 SCENARIOS = (
     *("flat", "flat=3", "push", "push=65", "rough", "rough=0.24", "slope", "slippery=0.1", "latency=0.08", "noise=0.8"),
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
-    *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
+    *("surprise", "surprise=2", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
+    *GAIT_SCENARIOS,
 )
 """Default scenarios of the evaluation; they contain each disturbance axis (kind of disturbance).
 
 Each axis is evaluated near the severity at which robots begin to fail, and some axes also at their nominal severity.
-Four scenarios have the robot's hardware profile, which consists of models of its real motors, delays and sensors."""
+Some scenarios have the robot's hardware profile, which consists of models of its real motors, delays and sensors. The
+last scenarios are a steady walk, on which the gait is measured."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,10 @@ class PublishOptions:
     shipped policy, to write its MODEL.md again."""
     to: Path | None = None
     """Folder to which the policy and MODEL.md are written; by default POLICY in the models of the robot, for example
-    models/residual or models/go1/residual."""
-    policy: str = "residual"
-    """Kind of the policy that is shipped: residual or end-to-end."""
+    models/residual, models/go1/student or models/go1/end_to_end."""
+    policy: str = ""
+    """Kind of the policy that is shipped: residual, end-to-end, student (of a distillation), or robust (PPO that has
+    started with a student); by default the kind of the first run."""
     scenarios: tuple[str, ...] | None = None
     """Evaluated scenarios; by default each kind of disturbance, so severe that robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
@@ -94,16 +94,28 @@ def main(options: PublishOptions) -> int:
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
+    if options.policy not in ("", *KINDS):
+        raise UsageError(f"--policy: unknown kind of policy, got {options.policy}; valid: {', '.join(KINDS)}")
     runs = [load_trained_run(folder) for folder in options.runs]
-    shipped = select_shipped(runs, options.policy)
-    base = shipped.config.base
-    robot = shipped.config.hardware.robot_model
-    trained_base = policies.load(shipped.bundle, robot, servo="own").base
-    if base_to_json(trained_base) != base_to_json(policies.make(base, robot=robot, servo="own")):
-        raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
-    to = options.to or models_folder(robot) / options.policy.replace("-", "_")
+    shipped = select_shipped(runs, options.policy or runs[0].kind)
+    _check_base(shipped)
+    folder = models_folder(shipped.config.hardware.robot_model)
+    is_shipped = (shipped.bundle / CARD).is_file()
+    to = options.to or (shipped.bundle if is_shipped else folder / shipped.kind.replace("-", "_"))
     make_writable_folder(to)
-    card = model_card(to.resolve().name, runs, shipped, evaluate_runs(options, runs, shipped))
+    results = evaluate_runs(options, runs, shipped)
+    teacher = teacher_settings(shipped)
+    hardware = HardwareConfig(robot=shipped.config.robot, servo=teacher.servo)
+    times = action_times((shipped.label, *shipped.references), hardware, trust=teacher.trust)
+    card = model_card(
+        to.resolve().name,
+        runs,
+        shipped,
+        results[0],
+        further=results[1:],
+        times=times,
+        has_films=to.resolve().parent == folder,
+    )
     if to.resolve() != shipped.bundle.resolve():
         bundle.copy(shipped.bundle, to)
     write_atomically(to / CARD, card.encode())
@@ -111,8 +123,16 @@ def main(options: PublishOptions) -> int:
     return 0
 
 
-def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """Evaluate the policies of the training runs, and the baseline policy, on the same episodes.
+def _check_base(shipped: TrainedRun) -> None:
+    """Raise UsageError if the base policy in the bundle of a run has other parameters than at present."""
+    robot = shipped.config.hardware.robot_model
+    base = policies.load(shipped.bundle, robot, servo="own").base
+    if base_to_json(base) != base_to_json(policies.make(base.name, robot=robot, servo="own")):
+        raise UsageError(f"{shipped.label} corrects a {base.name} of other parameters than today's: train it again")
+
+
+def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> list[Results]:
+    """Evaluate the policies of the training runs, and the policies that they are compared with, on the same episodes.
 
     The call raises UsageError if an option is invalid. After Ctrl-C it stores all finished episodes, and raises
     KeyboardInterrupt.
@@ -123,144 +143,45 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
         shipped: Training run of the shipped policy.
 
     Returns:
-        Results of all policies and of the baseline.
+        Results with all policies, one for each policy that the shipped policy is compared with.
     """
     # These modules take long to import. They are imported here, so that --help does not wait for them.
     from evaluate.analysis.stored_run import analyse_run
     from evaluate.commands.execution import execute
 
-    baseline = shipped.baseline
     robot = shipped.config.hardware.robot_model
+    teacher = teacher_settings(shipped)
     evaluation = Evaluation(
-        policies=(baseline, *(run.label for run in runs)),
+        policies=(*_compared(runs, shipped), *_entries(runs)),
+        trust=teacher.trust,
         robot=shipped.config.robot,
+        servo=teacher.servo,
         scenarios=options.scenarios or tuple(scaled_name(name, robot) for name in SCENARIOS),
         episodes=options.episodes,
         seed=options.seed,
         out=options.out,
         resume=options.resume,
-        baseline=baseline,
+        baseline=shipped.baseline,
         threads=options.threads,
     )
     execute(check(evaluation))
-    return analyse_run(read_run(options.out), baseline)
+    run = read_run(options.out)
+    return [analyse_run(run, reference) for reference in shipped.references]
 
 
-def load_trained_run(folder: Path) -> TrainedRun:
-    """Load the facts about a finished training run, or about the training of a shipped policy.
-
-    Args:
-        folder: Folder of the training run, or of the shipped policy.
-
-    Returns:
-        Facts for the model card.
-
-    Raises:
-        UsageError: The training run is unfinished, damaged or missing.
-    """
-    # The imports below are in this function, because torch takes seconds to import, and --help must not wait for it.
-    if (folder / CARD).is_file():
-        return _load_shipped(folder)
-    from train.sb3.callbacks import CallbackState
-    from train.sb3.checkpoint import load
-
-    config = load_config(folder)
-    progress = load(folder / CHECKPOINTS).progress
-    if progress["steps"] < config.steps:
-        raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
-    minutes = CallbackState.read(progress["remembered"]).seconds / 60
-    try:
-        policies.load(folder / BEST, config.hardware.robot_model, servo="own")
-    except policies.PolicyError as error:
-        raise UsageError(str(error)) from None
-    description = json.loads(read_bytes(folder / BEST / "policy.json"))
-    return TrainedRun(str(folder), config, minutes, description["git_revision"], folder / BEST)
+def _compared(runs: Sequence[TrainedRun], shipped: TrainedRun) -> tuple[str, ...]:
+    """Return the names of the policies with which the runs of the shipped kind are compared, each once."""
+    references = (name for run in runs if run.kind == shipped.kind for name in run.references)
+    labels = {run.label for run in runs}
+    return tuple(name for name in dict.fromkeys(references) if name not in labels)
 
 
-_REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
-    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
-    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": None, "timestep": TIMESTEP}
-    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
-    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
-    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
-    "rewards": {"foot_impact": 0.0},
-}
-"""Training settings that only older versions of this project have, as in the files of older policies.
-
-Group of settings (empty for settings without a group) -> name of the setting -> allowed value. `migrate_settings`
-ignores a setting that has the allowed value, and refuses any other value. None allows every value."""
-_ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Training settings that older versions did not have: name -> value for policies of older versions.
-
-With this value, the training is the same as in older versions. A setting is not listed if this value is its default."""
-
-
-def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the training settings of an older shipped policy to the settings of this version.
-
-    Args:
-        settings: Training settings in the file policy.json: name -> value.
-
-    Returns:
-        Training settings of this version: name -> value.
-
-    Raises:
-        ValueError: A setting was removed from this version, and its value is not the allowed value.
-    """
-    migrated = {**_ADDED_SETTINGS, **settings}
-    migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}
-    for group, removed in _REMOVED_SETTINGS.items():
-        values = migrated.get(group, {}) if group else migrated
-        for name, allowed in removed.items():
-            if name == "symmetry" and isinstance(values.get(name), str):
-                continue  # The option of this version has the same name and is no bool.
-            if values.pop(name, allowed) != allowed and allowed is not None:
-                raise ValueError(f"{name} was removed")
-    return migrated
-
-
-def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
-    """Return the training settings of a shipped policy, with the number of steps from its model card.
-
-    The file policy.json has the settings at the time of the best validation. The training may have ended after fewer
-    steps than these settings state.
-
-    Args:
-        settings: Training settings in the file policy.json: name -> value.
-        card: Text of the model card.
-
-    Returns:
-        The settings of the training.
-
-    Raises:
-        ValueError: The model card has no number of steps. Or this number differs from the settings, and the schedules
-            of the training depend on it.
-    """
-    config = from_dict(migrate_settings(settings))
-    steps_match = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
-    if steps_match is None:
-        raise ValueError(f"{CARD}: no number of steps")
-    steps = int(steps_match[1].replace(",", ""))
-    if steps == config.steps:
-        return config
-    if config.ppo.learning_rate_schedule == "linear" or config.ppo.log_std_final is not None:
-        raise ValueError(f"{CARD}: {steps:,} steps, but the schedules of the bundle are those of {config.steps:,}")
-    return replace(config, steps=steps, effort_ramp=config.effort_ramp * config.steps / steps)
-
-
-def _load_shipped(folder: Path) -> TrainedRun:
-    """Load the training facts of a shipped policy from its folder; raise UsageError if this fails."""
-    try:
-        description = json.loads(read_bytes(folder / "policy.json"))
-        card = read_bytes(folder / CARD).decode()
-        config = settings_of_card(description["training"], card)
-        minutes = re.search(r"([\d.]+) min, source", card)
-        then = re.search(r"where the command is `(python -m train[^`]*)`", card)
-        policies.load(folder, config.hardware.robot_model, servo="own")
-        revision = description["git_revision"]
-        return TrainedRun(str(folder), config, float(minutes[1]), revision, folder, then and then[1])  # type: ignore[index]
-    except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:
-        raise UsageError(f"{folder} holds no shipped policy with its {CARD}: {error}") from None
+def _entries(runs: Sequence[TrainedRun]) -> tuple[str, ...]:
+    """Return the runs as values of the option --policies; the training seeds of one kind of policy are one group."""
+    by_kind: dict[str, list[str]] = {}
+    for run in runs:
+        by_kind.setdefault(run.kind, []).append(run.label)
+    return tuple(f"{kind}={','.join(labels)}" if len(labels) > 1 else labels[0] for kind, labels in by_kind.items())
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
@@ -268,7 +189,7 @@ def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
 
     Args:
         runs: Finished training runs.
-        policy: Kind of the policy that is shipped, `residual` or `end-to-end`.
+        policy: Kind of the policy that is shipped, one of KINDS.
 
     Returns:
         The selected training run.
@@ -277,12 +198,26 @@ def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
         UsageError: No run of this kind of policy has the seed 0 (SHIPPED_SEED), two runs have the same
             seed, or runs of this kind differ in more than their seed.
     """
-    candidates = [run for run in runs if run.config.policy == policy]
+    candidates = [run for run in runs if run.kind == policy]
     seeds = [run.config.seed for run in candidates]
     if seeds.count(SHIPPED_SEED) != 1 or len(set(seeds)) < len(seeds):
         raise UsageError(f"what ships is seed {SHIPPED_SEED} of {policy}: name its run, and no seed twice; got {seeds}")
     shipped = candidates[seeds.index(SHIPPED_SEED)]
     for run in candidates:
-        if changed := differences(shipped.config, replace(run.config, seed=SHIPPED_SEED)):
+        if changed := differences(shipped.config, _with_shipped_seed(run, shipped)):
             raise UsageError(f"{run.label} is no other seed of {shipped.label}: {'; '.join(map(str, changed))}")
     return shipped
+
+
+def _with_shipped_seed(run: TrainedRun, shipped: TrainedRun) -> TrainConfig | DistillationConfig:
+    """Return the settings of a run with the seed of the shipped one, and with its start if that is another seed.
+
+    The starts of two runs are two seeds of one student if their settings differ in the seed alone.
+    """
+    config = replace(run.config, seed=SHIPPED_SEED)
+    if isinstance(config, TrainConfig) and isinstance(shipped.config, TrainConfig) and run.start and shipped.start:
+        settings = [start_settings(Path(each.start)) for each in (run, shipped)]
+        mine, theirs = ({name: value for name, value in each.items() if name != "seed"} for each in settings)
+        if mine == theirs:
+            return replace(config, start=shipped.config.start)
+    return config

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -16,18 +17,14 @@ from evaluate.records.store import ChunkStore
 from policies.shipped import MODELS
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
-from research.training.model_card import (
-    TrainedRun,
-    describe_correction,
-    format_difference,
-    model_card,
-    scores_table,
-    training_section,
-)
-from research.training.publish import load_trained_run as trained_run_of
-from research.training.publish import migrate_settings, select_shipped, settings_of_card
+from research.training.card_tables import format_difference, scores_table
+from research.training.model_card import describe_correction, model_card, training_section
+from research.training.publish import select_shipped
+from research.training.trained_run import TrainedRun, migrate_settings, settings_of_card
+from research.training.trained_run import load_trained_run as trained_run_of
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
+from train.commands import distil
 from train.commands.run import parse
 from train.config import DEFAULTS
 from train.run_record import differences, from_dict, to_dict, training_command
@@ -73,6 +70,9 @@ def test_seed_0_ships_whatever_the_order_and_company_and_each_seed_is_one_run():
 def test_the_settings_of_every_shipped_policy_can_be_read(file):
     """Older policies have removed settings, with the only remaining value."""
     settings = json.loads(file.read_text(encoding="utf-8"))["training"]
+    if "teacher" in settings:
+        assert settings_of_card(settings, "").labels == settings["labels"]
+        return
     assert from_dict(migrate_settings(settings)).steps == settings["steps"]
     kept = settings | {
         "ppo": settings["ppo"] | {"symmetry": "actor"},
@@ -80,6 +80,7 @@ def test_the_settings_of_every_shipped_policy_can_be_read(file):
     }
     migrated = migrate_settings(kept)
     assert (migrated["ppo"]["symmetry"], migrated["rewards"]["foot_slip"]) == ("actor", -1.0)
+    assert migrate_settings(settings | {"timestep": 0.0025})["timestep"] == 0.0025
     with pytest.raises(ValueError, match="space was removed"):
         migrate_settings(settings | {"space": "feet"})
 
@@ -102,7 +103,8 @@ def test_the_command_of_a_shipped_card_has_the_settings_of_its_bundle_and_the_ca
     text, bundle = file.read_text(encoding="utf-8"), json.loads((file.parent / "policy.json").read_text("utf-8"))
     (printed,) = re.findall(r"^    (python -m train .*)$", text, re.MULTILINE)
     settings = settings_of_card(bundle["training"], text)
-    assert differences(settings, parse(printed.split()[3:])) == []
+    words = shlex.split(printed)[3:]
+    assert differences(settings, distil.parse(words) if distil.is_requested(words) else parse(words)) == []
     assert f"source {bundle['git_revision']}." in text
     assert f"trained at revision {bundle['git_revision'][:8]}" in text
     assert training_section(trained_run_of(file.parent)) in text
@@ -133,6 +135,14 @@ def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sen
     card = model_card("residual", [sensing], sensing, nothing)
     assert "source revision. Motors: ideal; sensors: typical. The shipped" in card
     assert "source revision. The shipped" in model_card("residual", [plain], plain, nothing)
+    timed = dataclasses.replace(plain, cpu_minutes=2.5)
+    assert "2.5 min of processor time in 1.0 min, source revision." in training_section(timed)
+
+
+def test_an_end_to_end_policy_is_compared_with_the_trot_and_a_residual_with_its_base():
+    learned, residual = trained_run("end-to-end"), trained_run(base="trot_integral")
+    assert (learned.kind, learned.references) == ("end-to-end", ("trot",))
+    assert (residual.kind, residual.references) == ("residual", ("trot_integral",))
 
 
 def test_the_card_scores_each_seed_against_the_base():
