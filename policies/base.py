@@ -292,7 +292,7 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 def all_finite(values: NDArray[np.floating]) -> bool:
     """Return True if no element of `values` is infinite or NaN."""
     # `count_nonzero` is faster than `all` for the small arrays of one robot.
-    return np.count_nonzero(np.isfinite(values)) == values.size
+    return bool(np.count_nonzero(np.isfinite(values)) == values.size)
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:

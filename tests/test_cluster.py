@@ -63,7 +63,7 @@ def write_script(index: int, path: Path) -> Path:
 
 
 def test_the_evaluation_of_an_array_is_that_of_one_command_and_no_part_runs_twice(tmp_path: Path) -> None:
-    script = write_script(0, tmp_path / "evaluate.sh")
+    script = write_script(0, tmp_path / "job.sh")
     assert len(script.read_text(encoding="utf-8").splitlines()) == 10
     submit(script, 2, 2, *RUN)
     episodes = tmp_path / "parts/1/episodes.parquet"

@@ -167,6 +167,9 @@ class GroupResult:
 
         Yields:
             Index of the task, and its result.
+
+        Raises:
+            self.error: The exception that a policy has raised.
         """
         for task_index, chunk in zip(group, self.chunks, strict=True):
             if chunk is not None:
