@@ -167,13 +167,14 @@ class GroupResult:
 
         Yields:
             Index of the task, and its result.
-
-        Raises:
-            self.error: The exception that a policy has raised.
         """
         for task_index, chunk in zip(group, self.chunks, strict=True):
             if chunk is not None:
                 yield task_index, chunk
+        self._raise_error()
+
+    def _raise_error(self) -> None:
+        """Raise the exception of a policy, if there is one."""
         if self.error is not None:
             raise self.error
 
