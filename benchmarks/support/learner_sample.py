@@ -72,6 +72,22 @@ class Stopwatch:
         return call
 
 
+@dataclass(frozen=True)
+class PhysicsCall:
+    """Call of the physics in a training."""
+
+    env_ids: NDArray[np.int64] | None
+    """Indices of the stepped robots, or None for all robots."""
+    count: int
+    """Number of physics steps."""
+    qpos: Floats
+    """Positions of all n robots before the call, MuJoCo `qpos`, (n, nq)."""
+    qvel: Floats
+    """Velocities of all n robots before the call, MuJoCo `qvel`, (n, nv)."""
+    ctrl: Floats
+    """Joint targets of all n robots, (n, 12), rad."""
+
+
 class TimedTraining:
     """PPO training with timed parts of each rollout and its update.
 
@@ -86,6 +102,8 @@ class TimedTraining:
         self.model = make_ppo(config, self.env)
         self.model.set_logger(configure(format_strings=[]))
         self.stopwatch = Stopwatch(clock)
+        self.calls: list[PhysicsCall] | None = None
+        """Calls of the physics in the last rollout; None to record none, which is the default."""
         self._step_physics = Simulation._step_physics
         self._time_calls()
 
@@ -93,11 +111,27 @@ class TimedTraining:
         """Replace the functions that the training calls by timed ones."""
         timed = self.stopwatch.timed
         robots: Any = cast(ResidualVectorEnv, self.env.env).env
-        Simulation._step_physics = timed("physics", self._step_physics)  # type: ignore[method-assign]
+        step_physics = timed("physics", self._step_physics)
+        record = timed("recording", self._record)
+
+        def recorded_step(simulation: Simulation, env_ids: Any, count: int) -> None:
+            record(simulation, env_ids, count)
+            step_physics(simulation, env_ids, count)
+
+        Simulation._step_physics = recorded_step  # type: ignore[method-assign, assignment]
         robots.step = timed("robots", robots.step)
         robots.reset = timed("robots", robots.reset)
         self.env.step_wait = timed("step", self.env.step_wait)  # type: ignore[method-assign]
         self.model.train = timed("update", self.model.train)  # type: ignore[method-assign]
+
+    def _record(self, simulation: Simulation, env_ids: Any, count: int) -> None:
+        """Record a call of the physics if `calls` is a list; the training must then have one scenario."""
+        if self.calls is None:
+            return
+        stepped = np.arange(len(simulation.qpos))[env_ids]
+        is_all = len(stepped) == len(simulation.qpos)
+        state = [np.array(values) for values in (simulation.qpos, simulation.qvel, simulation._ctrl)]
+        self.calls.append(PhysicsCall(None if is_all else stepped, count, *state))
 
     def close(self) -> None:
         """Close the robots, and restore the function that steps the physics."""
@@ -105,53 +139,22 @@ class TimedTraining:
         self.env.close()
 
     def learn(self) -> dict[str, float]:
-        """Train for one rollout and its update; return the duration of each of the `PARTS`, s."""
+        """Train for one rollout and its update; return the duration of each of the `PARTS`, s.
+
+        The time to record calls of the physics is in none of the parts.
+        """
         seconds = self.stopwatch.seconds
         seconds.clear()
+        if self.calls is not None:
+            self.calls.clear()
         self.stopwatch.timed("whole", self.model.learn)(1, reset_num_timesteps=False)
         return {
             "physics": seconds["physics"],
-            "environment": seconds["robots"] - seconds["physics"],
+            "environment": seconds["robots"] - seconds["physics"] - seconds["recording"],
             "features": seconds["step"] - seconds["robots"],
             "network": seconds["whole"] - seconds["step"] - seconds["update"],
             "update": seconds["update"],
         }
-
-
-@dataclass(frozen=True)
-class PhysicsCall:
-    """Call of the physics in a training, recorded by `record_physics`."""
-
-    env_ids: NDArray[np.int64] | None
-    """Indices of the stepped robots, or None for all robots."""
-    count: int
-    """Number of physics steps."""
-    qpos: Floats
-    """Positions of all n robots before the call, MuJoCo `qpos`, (n, nq)."""
-    qvel: Floats
-    """Velocities of all n robots before the call, MuJoCo `qvel`, (n, nv)."""
-    ctrl: Floats
-    """Joint targets of all n robots, (n, 12), rad."""
-
-
-def record_physics(training: TimedTraining) -> list[PhysicsCall]:
-    """Train for one rollout, and return all calls of the physics in it; the training must have one scenario."""
-    calls: list[PhysicsCall] = []
-    timed = Simulation._step_physics
-
-    def record(simulation: Simulation, env_ids: Any, count: int) -> None:
-        state = [np.array(values) for values in (simulation.qpos, simulation.qvel, simulation._ctrl)]
-        stepped = np.arange(len(simulation.qpos))[env_ids]
-        is_all = len(stepped) == len(simulation.qpos)
-        calls.append(PhysicsCall(None if is_all else stepped, count, *state))
-        timed(simulation, env_ids, count)
-
-    Simulation._step_physics = record  # type: ignore[method-assign, assignment]
-    try:
-        training.learn()
-    finally:
-        Simulation._step_physics = timed  # type: ignore[method-assign]
-    return calls
 
 
 class BarePhysics:
@@ -163,18 +166,19 @@ class BarePhysics:
     """
 
     def __init__(self, training: TimedTraining, clock: Clock) -> None:
-        self._calls = record_physics(training)
+        training.calls = []
+        self._training = training
         (batch,) = cast(MultiScenarioVectorEnv, training.env.env.unwrapped).batches
         self._batch = Batch(batch.simulation.model, batch.num_envs, 1)
         self._clock = clock
 
     def run(self) -> float:
-        """Repeat the recorded calls from their states, and return the duration of all steps, s.
+        """Repeat the calls of the last rollout from their states, and return the duration of all steps, s.
 
         The time to set the states is not included.
         """
         seconds = 0.0
-        for call in self._calls:
+        for call in self._training.calls or ():
             self._batch.bind("qpos")[:] = call.qpos
             self._batch.bind("qvel")[:] = call.qvel
             self._batch.bind("ctrl")[:] = call.ctrl
@@ -278,6 +282,7 @@ def time_samples(config: TrainConfig, rounds: int, clock: Clock = time.process_t
     rows = []
     with contextlib.closing(training), progress_bar(f"training of {config.robot}", rounds + 1) as advance:
         physics = BarePhysics(training, clock)
+        training.learn()
         update = BareUpdate(training.model, config.ppo, clock)
         update.run()
         advance()

@@ -29,7 +29,7 @@ PARTS = {
     "network": "actions and values in the rollout",
     "update": "update",
     "total": "learner sample",
-    "bare physics": "bare `Batch.step` of the states and targets of the first rollout",
+    "bare physics": "bare `Batch.step` of the same states and targets",
     "bare update": "bare PyTorch update of the same networks and minibatches",
     "physics / bare": "physics / bare `Batch.step`",
     "update / bare": "update / bare update",
@@ -43,7 +43,7 @@ class TrainingSpeedOptions:
     """Options of the command `training-speed`."""
 
     results: Annotated[Path, tyro.conf.Positional]
-    """JSON file of `python -m benchmarks.training`, with the measurements sample and physics."""
+    """JSON file of `python -m benchmarks.training`; the table of a measurement that it lacks stays as it is."""
     page: Path = Path("docs/training.md")
     """Markdown page with the blocks `training-physics` and `training-sample`."""
 
@@ -63,15 +63,19 @@ def main(options: TrainingSpeedOptions) -> int:
     read_page(options.page, PHYSICS, SAMPLE)
     try:
         record = json.loads(read_bytes(options.results))
-        physics = physics_lines(record["figures"]["physics"])
-        sample = sample_lines(record["figures"]["sample"])
+        figures = record["figures"]
+        blocks = {
+            name: make_lines(figures[key])
+            for name, key, make_lines in ((PHYSICS, "physics", physics_lines), (SAMPLE, "sample", sample_lines))
+            if key in figures
+        }
         machine = record["machine"]
         footer = f"{machine['cpu']}, load {machine['load']}, MuJoCo {machine['mujoco']}, medians [quartiles]."
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        fact = f"no measurements sample and physics of `python -m benchmarks.training` ({type(error).__name__})"
+        fact = f"no measurement sample or physics of `python -m benchmarks.training` ({type(error).__name__})"
         raise UsageError(f"{options.results}: {fact}; valid: a file of its option --json") from None
-    write_block(options.page, [*physics, "", footer], PHYSICS)
-    write_block(options.page, [*sample, "", footer], SAMPLE)
+    for name, lines in blocks.items():
+        write_block(options.page, [*lines, "", footer], name)
     return 0
 
 

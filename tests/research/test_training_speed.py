@@ -45,6 +45,18 @@ def test_both_tables_replace_the_blocks(tmp_path) -> None:
     assert text.count("a processor, load 1.0, MuJoCo 3") == 2
 
 
+def test_a_measurement_that_is_missing_keeps_its_block(tmp_path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    content = record()
+    del content["figures"]["physics"]
+    (tmp_path / "speed.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["training-speed", str(tmp_path / "speed.json"), "--page", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "old" in text
+    assert "| physics: MuJoCo | 2.0 [1.8 … 2.2] |" in text
+
+
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"figures": {"physics": {}}}'])
 def test_another_file_gets_one_line_and_the_page_stays(content: str, tmp_path, refused) -> None:
     page = tmp_path / "page.md"
