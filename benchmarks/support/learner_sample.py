@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
+import mujoco
 import numpy as np
 import torch
 from mujoco.batch import Batch
@@ -169,7 +170,10 @@ class BarePhysics:
         training.calls = []
         self._training = training
         (batch,) = cast(MultiScenarioVectorEnv, training.env.env.unwrapped).batches
-        self._batch = Batch(batch.simulation.model, batch.num_envs, 1)
+        simulated: Any = batch.simulation.batch
+        self.model: mujoco.MjModel = simulated.model
+        """MuJoCo model that the training steps, without the sensors that nobody reads."""
+        self._batch = Batch(self.model, batch.num_envs, 1)
         self._clock = clock
 
     def run(self) -> float:

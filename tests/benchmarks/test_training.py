@@ -50,6 +50,9 @@ def test_the_bare_physics_repeats_the_physics_of_the_training(training) -> None:
 
     robots.step = step
     bare = BarePhysics(training, float)
+    simulated = robots.batches[0].simulation.batch.model
+    assert bare.model.opt.disableflags == simulated.opt.disableflags
+    np.testing.assert_array_equal(bare.model.sensor_needstage, simulated.sensor_needstage)
     training.learn()
     calls = training.calls
     assert len(calls) == len(ends) == 8
