@@ -144,7 +144,12 @@ def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> 
     Returns:
         Ground force on each foot, (k, 4), N.
     """
-    return np.concatenate([np.sum([force[env_ids] for force in forces], axis=0) for forces in touch], axis=1)
+    feet = []
+    for forces in touch:
+        first = forces[0][env_ids]
+        # The force of a foot with one sensor is read without a sum, because a sum takes as long as all other readings.
+        feet.append(first if len(forces) == 1 else np.sum([first, *(force[env_ids] for force in forces[1:])], axis=0))
+    return np.concatenate(feet, axis=1)
 
 
 def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> AppliedTorqueReader:

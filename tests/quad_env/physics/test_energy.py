@@ -8,7 +8,7 @@ import pytest
 
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.energy import JOINT_READINGS, MotorMeter
+from quad_env.physics.energy import JOINT_READINGS, MotorMeter, sum_foot_forces
 from quad_env.physics.simulators import SimulatorFeatures
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -165,3 +165,15 @@ def test_the_first_step_after_a_reset_is_measured_as_that_of_a_robot_that_has_do
         np.testing.assert_array_equal(found[name][0], first[name][0], err_msg=name)
         np.testing.assert_array_equal(found[name][1], later[name][1], err_msg=name)
     assert (found["torque_change"][1] != first["torque_change"][1]).any()
+
+
+def test_the_force_on_a_foot_is_the_sum_of_its_sensors_in_their_order() -> None:
+    rng = np.random.default_rng(4)
+    sensors = rng.uniform(0.0, 80.0, size=(5, 3, 1))
+    touch = [[sensors[0]], [sensors[1], sensors[2]], [sensors[3]], [sensors[4]]]
+    for env_ids in (slice(None), np.array([2, 0])):
+        force = sum_foot_forces(touch, env_ids)
+        expected = np.hstack((sensors[0], sensors[1] + sensors[2], sensors[3], sensors[4]))[env_ids]
+        assert force.tobytes() == expected.tobytes()
+    sensors[:] = 0.0
+    assert force.all(), "the result is a view of the sensors"
