@@ -31,13 +31,13 @@ STUDENT = "student"
 """Name of the policy that is distilled from a controller for a robot."""
 
 
-def _bundle_names(robot: Robot) -> tuple[str, ...]:
+def _bundle_names(robot: Robot = SIMPLE_QUAD) -> tuple[str, ...]:
     """Return the sorted names of the folders in the models folder of `robot` that have a policy bundle."""
     folders = (file.parent.name for file in shipped.models_folder(robot).glob(f"*/{DESCRIPTION}"))
     return tuple(sorted(name for name in folders if name.isidentifier()))
 
 
-TRAINED = tuple(sorted({"end_to_end", "residual", "robust", STUDENT, *_bundle_names(SIMPLE_QUAD)}))
+TRAINED = tuple(sorted({"end_to_end", "residual", "robust", STUDENT, *_bundle_names()}))
 """Names of trained policies. A robot has only those that `trained_names` returns for it."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""

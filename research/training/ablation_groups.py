@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from train.config import DEFAULTS
+from train.distillation.config import DistillationConfig
 
 DEFAULT = "default"
 """Name of the variant without further options; all other variants of a group are compared with it."""
@@ -134,7 +135,7 @@ GROUPS: Mapping[str, AblationGroup] = {
     "distillation": AblationGroup(
         title="Distillation of `mpc_wbc`",
         options="--teacher mpc_wbc",
-        budget=1_000_000,
+        budget=DistillationConfig.labels,
         scenarios=("flat", "push", "rough", "force", "payload", "latency:3", "noise:3", "push:3+hardware"),
         flat="flat",
         variants=DISTILLATION_VARIANTS,

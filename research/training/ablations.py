@@ -51,7 +51,7 @@ class AblationsOptions:
     robots: tuple[str, ...] = ()
     """Robots: names like go1, or paths of model files; by default the robots of each group, go1 and simple_quad."""
     labels: int | None = field(default=None, metadata={"limits": (1, 10**12 - 1)})
-    """Number of labels of a run in the group distillation; by default 1000000."""
+    """Number of labels of a run in the group distillation; by default 1400000."""
     steps: int | None = field(default=None, metadata={"limits": (1, 10**12 - 1)})
     """Number of learner steps of a run in all other groups; by default 6000000, or 1000000 in the group residual."""
     seeds: int = parameter(5, limits=(2, 1000))

@@ -94,7 +94,7 @@ def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], sim
     for purpose, seeds in {
         "search": episode_seeds("search", 3, BRIEF.episodes).tolist() * BRIEF.candidates,
         "training": episode_seeds("training", 3, 8).tolist(),
-        "evaluation": evaluation_seeds(3, 2).tolist(),
+        "evaluation": evaluation_seeds(3, 2).tolist() * 2,  # two policies share the batch
     }.items():
         assert list(by_purpose[purpose].seeds) == seeds
     assert {(each.env.robot.name, each.threads) for each in simulated} == {("alike", 1)}

@@ -86,7 +86,8 @@ def test_every_option_reaches_its_stage(made: tuple[Path, list[str], int], simul
         list(by_purpose["training"].seeds)
         == episode_seeds("training", 3, 10).tolist()[: len(by_purpose["training"].seeds)]
     )
-    assert list(by_purpose["evaluation"].seeds) == evaluation_seeds(3, 2).tolist()
+    # Two policies share the last batch.
+    assert list(by_purpose["evaluation"].seeds) == evaluation_seeds(3, 2).tolist() * 2
     assert {(each.env.robot.name, each.threads) for each in simulated} == {("alike", 1)}
     settings = load_settings(out / "distillation")
     assert (settings["teacher"], settings["labels"], settings["seed"]) == ("trot_feedback", 400, 3)

@@ -86,7 +86,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "policies": Effect("--policies crouch stand", called("resolve", "name_or_path"), ["crouch", "stand"]),
         "trust": TRUSTED,
         "scenarios": Effect("--scenarios push=42 flat", SCENARIOS, ["push=42", "flat"]),
-        "episodes": Effect("--episodes 3", COUNT, [3]),
+        "episodes": Effect("--episodes 3", COUNT, [2 * 3]),  # two policies share a batch
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
         "servo": Effect("--servo 40/1.5", once(lambda each: each.env.robot.servo), ["40 N·m/rad and 1.5 N·m·s/rad"]),
         "actuator": Effect("--actuator motor", once(lambda each: each.warms), [True]),
@@ -94,7 +94,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "estimator": Effect(
             "--estimator kalman", once(lambda each: type(each.env.estimator).__name__), ["KalmanFilter"]
         ),
-        "seed": Effect("--seed 5", SEEDS, drawn(5, 3)),
+        "seed": Effect("--seed 5", SEEDS, [2 * seeds for seeds in drawn(5, 3)]),
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
         "threads": Effect("--threads 1", THREADS, [1]),
