@@ -17,8 +17,6 @@ Floats = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
 """Increase of the phase of a gait clock in one gait cycle, 2π rad."""
-
-
 FREQUENCY_FILTER_GAIN = 0.3
 """Gain per control period of the low-pass filter of the step frequency, 0 to 1."""
 MIN_HURRY_ERROR = 0.4

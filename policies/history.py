@@ -38,7 +38,6 @@ class Inputs(Settings):
     A robot that is pushed then steps faster, as with a model-based controller."""
     clock_limit: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 2.0
     """Largest increase of the clock's frequency, Hz."""
-
     position_error: Annotated[float, Bounds("from 0 m to 100 m", 0.0, 100.0)] = 0.0
     """Bound of the position error that is a network input, m, and of its yaw error, rad; 0: not an input.
 

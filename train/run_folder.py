@@ -7,10 +7,11 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from evaluate.records import training_run
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import FolderInUseError, exclusive_lock, make_writable_folder
 
-CONFIG_FILE = "config.json"
+CONFIG_FILE = training_run.SETTINGS_FILE
 """Name of the JSON file with the settings of a training run."""
 RECORD_FILE = "run.json"
 """Name of the JSON file with the command line that repeats a training run.
@@ -21,7 +22,7 @@ METRICS_FILE = "metrics.jsonl"
 """Name of the file with the training metrics, one line of JSON per rollout."""
 TENSORBOARD = "tensorboard"
 """Name of the folder with the training metrics as TensorBoard events."""
-VALIDATIONS_FILE = "validations.json"
+VALIDATIONS_FILE = training_run.VALIDATIONS_FILE
 """Name of the JSON file with the results of all validations, and the number of steps at the best validation."""
 CURVE_FILE = "learning_curve.svg"
 """Name of the image file with the plot of success and cost of transport over all validations."""

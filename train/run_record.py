@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple
 from evaluate.analysis.results import nan_to_null
 from evaluate.hardware import HardwareConfig
 from evaluate.records.provenance import hardware_versions, versions
+from evaluate.records.training_run import load_settings
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
@@ -52,24 +53,6 @@ def load_config(folder: Path) -> TrainConfig:
     Raises UsageError if the folder has no run or the settings are not valid.
     """
     return from_dict(load_settings(folder))
-
-
-def load_settings(folder: Path) -> dict[str, Any]:
-    """Load the settings of the training run in `folder` as a dictionary of JSON types.
-
-    The settings are not checked, because older versions may have written other ones. Raises UsageError if the folder
-    has no run or the file is damaged.
-    """
-    try:
-        settings = json.loads(read_bytes(folder / CONFIG_FILE))
-    except OSError as error:
-        problem = f"{CONFIG_FILE} cannot be read ({error.strerror})"
-        raise UsageError(f"no run in {folder}: {problem}; name the folder of a training run") from None
-    except ValueError:
-        settings = None
-    if not isinstance(settings, dict):
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is damaged; name the folder of a training run")
-    return settings
 
 
 def decode(kind: Any, value: Any) -> Any:

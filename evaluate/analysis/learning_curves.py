@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -10,14 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from evaluate.records.training_run import VALIDATIONS_FILE, load_settings
 from evaluate.statistics.intervals import CONFIDENCE, Floats
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 
-SETTINGS_FILE = "config.json"
-"""Name of the JSON file with the settings of a training run, in its folder."""
-VALIDATIONS_FILE = "validations.json"
-"""Name of the JSON file with all validations of a training run, in its folder."""
 MAX_LABEL_LENGTH = 48
 """Maximum length of the training settings in the label of a curve, characters.
 
@@ -105,7 +103,7 @@ def read_curve(folder: Path) -> RunCurve:
     Raises:
         UsageError: The folder contains no training run, or the file of the validations is damaged.
     """
-    settings = dict(_flatten(_read_settings(folder)))
+    settings = dict(_flatten(load_settings(folder)))
     path = folder / VALIDATIONS_FILE
     try:
         entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
@@ -139,6 +137,30 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
     return [SeedBand(_label(group, differing or ["policy", "base"]), tuple(group)) for group in groups.values()]
 
 
+def read_bands(folders: Sequence[Path]) -> list[SeedBand]:
+    """Read the learning curves of training runs, and group the runs that differ only in their seed.
+
+    A run without a validation is left out, and a line on stderr names it.
+
+    Args:
+        folders: Folders of the training runs.
+
+    Returns:
+        One group for each combination of settings.
+
+    Raises:
+        UsageError: No run has a validation, a folder has no run, or two runs of a group have the same seed.
+    """
+    runs = [read_curve(folder) for folder in folders]
+    for run in runs:
+        if not len(run.steps):
+            print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
+    validated = [run for run in runs if len(run.steps)]
+    if not validated:
+        raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
+    return group_by_seed(validated)
+
+
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     """Return the label of a group of training runs, for example `base trot (5 seeds)`.
 
@@ -154,20 +176,6 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     settings = ", ".join(f"{name} {_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{settings if len(settings) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
-
-
-def _read_settings(folder: Path) -> dict[str, Any]:
-    """Read the settings of the training run in `folder`; UsageError is raised if the folder has no run."""
-    try:
-        settings = json.loads(read_bytes(folder / SETTINGS_FILE))
-    except OSError as error:
-        problem = f"{SETTINGS_FILE} cannot be read ({error.strerror})"
-        raise UsageError(f"no run in {folder}: {problem}; name the folder of a training run") from None
-    except ValueError:
-        settings = None
-    if not isinstance(settings, dict):
-        raise UsageError(f"no run in {folder}: {SETTINGS_FILE} is damaged; name the folder of a training run")
-    return settings
 
 
 def _flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -107,19 +107,12 @@ def _learning_curves(options: PlotOptions) -> "Callable[[], Figure]":
     Raises:
         UsageError: No training run has a validation, or the options select policies.
     """
-    from evaluate.analysis.learning_curves import group_by_seed, read_curve
+    from evaluate.analysis.learning_curves import read_bands
     from evaluate.report.plots.paper import draw_learning_curves
 
     if options.policies:
         raise UsageError("--policies: selects policies of an evaluation, got --kind curves; name the training runs")
-    runs = [read_curve(folder) for folder in options.runs]
-    for run in runs:
-        if not len(run.steps):
-            print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
-    validated = [run for run in runs if len(run.steps)]
-    if not validated:
-        raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
-    bands = group_by_seed(validated)
+    bands = read_bands(options.runs)
     _print_last_points(bands)
     return partial(draw_learning_curves, bands, options.columns)
 

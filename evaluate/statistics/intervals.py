@@ -63,18 +63,38 @@ def mean_proportion_interval(proportions: Floats) -> Interval:
     Returns:
         The interval of the mean; (NaN, NaN) for an empty array.
     """
-    from scipy.special import ndtri, stdtrit
-
     count = len(proportions)
     if count == 0:
         return (np.nan, np.nan)
     mean = float(proportions.mean())
     trials = float(count)
     if not _are_equal(proportions):
-        upper = 0.5 + CONFIDENCE / 2
         trials = mean * (1.0 - mean) * count / float(proportions.var(ddof=1))
-        trials *= float(ndtri(upper) / stdtrit(count - 1, upper)) ** 2
+        trials *= student_trials_factor(count)
     return wilson_interval(mean * trials, trials)
+
+
+def student_trials_factor(count: int) -> float:
+    """Return the factor on an effective number of trials that widens an interval for Student's t.
+
+    The factor replaces the quantile of the normal distribution by the quantile of Student's t for a variance that is
+    estimated from `count` independent values, 2 or more.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    upper = 0.5 + CONFIDENCE / 2
+    return float(ndtri(upper) / stdtrit(count - 1, upper)) ** 2
+
+
+def student_bootstrap_tail(count: int) -> float:
+    """Return the percentile, 0 … 1, of the lower end of a bootstrap interval that is widened for Student's t.
+
+    The percentile also corrects the variance of resamples of `count` values, 2 or more, which has `count` instead of
+    `count` − 1 in the denominator.
+    """
+    from scipy.special import ndtr, stdtrit
+
+    return float(ndtr(-np.sqrt(count / (count - 1)) * stdtrit(count - 1, 0.5 + CONFIDENCE / 2)))
 
 
 def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval:
@@ -198,12 +218,10 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     Returns:
         The interval, in the unit of the differences; (NaN, NaN) for fewer than two episodes.
     """
-    from scipy.special import ndtr, stdtrit
-
     if len(differences) < 2 or _are_equal(differences):
         return identical_values_interval(differences, bounds)
     pairs = len(differences)
-    tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
+    tail = student_bootstrap_tail(pairs)
     low, high = np.quantile(_resampled_sums(differences, RESAMPLES, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
 

@@ -10,13 +10,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from evaluate.statistics.intervals import (
-    CONFIDENCE,
     RESAMPLES,
     UNBOUNDED,
     Floats,
     Interval,
     identical_values_interval,
     resamples,
+    student_bootstrap_tail,
+    student_trials_factor,
     wilson_interval,
 )
 
@@ -64,8 +65,6 @@ def rate_interval(success: Floats) -> Interval:
     Returns:
         The interval; (NaN, NaN) for fewer than MIN_SEEDS training seeds or without episodes.
     """
-    from scipy.special import ndtri, stdtrit
-
     seeds, episodes = success.shape
     if seeds < MIN_SEEDS or not episodes:
         return (np.nan, np.nan)
@@ -73,9 +72,8 @@ def rate_interval(success: Floats) -> Interval:
     variance = _variance_of_mean(success)
     if variance <= 0.0:
         return wilson_interval(mean * seeds, seeds)
-    upper = 0.5 + CONFIDENCE / 2
     trials = min(mean * (1.0 - mean) / variance, seeds * episodes)
-    trials *= float(ndtri(upper) / stdtrit(seeds - 1, upper)) ** 2
+    trials *= student_trials_factor(seeds)
     return wilson_interval(mean * trials, trials)
 
 
@@ -126,8 +124,6 @@ def _bootstrap(values: Floats, bounds: Interval, *, is_interquartile: bool) -> I
         The interval, in the unit of the values; (NaN, NaN) for two training seeds, for one policy with one episode, or
         if a value is NaN.
     """
-    from scipy.special import ndtr, stdtrit
-
     unit_axis = 1 if len(values) == 1 else 0
     units = values.shape[unit_axis]
     if units < 2 or len(values) == 2 or not values.size or np.isnan(values).any():
@@ -135,7 +131,7 @@ def _bootstrap(values: Floats, bounds: Interval, *, is_interquartile: bool) -> I
     if np.ptp(values) == 0.0:
         return identical_values_interval(values.mean(axis=(1 - unit_axis, 2)), bounds)
     statistics = np.concatenate([*_resampled_statistics(values, is_interquartile)])
-    tail = float(ndtr(-np.sqrt(units / (units - 1)) * stdtrit(units - 1, 0.5 + CONFIDENCE / 2)))
+    tail = student_bootstrap_tail(units)
     low, high = np.quantile(statistics, [tail, 1.0 - tail])
     return (float(low), float(high))
 

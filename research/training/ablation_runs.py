@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
+from evaluate.records.training_run import load_settings
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from research.training.ablation_groups import GROUPS, AblationGroup
@@ -14,7 +15,7 @@ from train.commands import distil, run
 from train.config import TrainConfig
 from train.distillation.config import DistillationConfig
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
-from train.run_record import decode, differences, load_settings
+from train.run_record import decode, differences
 
 Config = TrainConfig | DistillationConfig
 """Type of the settings of a training run: PPO or a distillation."""

@@ -5,7 +5,6 @@ that differ only in their seed give one curve: the mean over the seeds, with a b
 value.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
-from evaluate.analysis.learning_curves import SeedBand, group_by_seed, read_curve
+from evaluate.analysis.learning_curves import SeedBand, read_bands
 from evaluate.report.plots.drawing import COLOURS, MARKS
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
@@ -50,14 +49,7 @@ def main(options: CurvesOptions) -> int:
     """
     if options.out.suffix not in DATE_METADATA:
         raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
-    runs = [read_curve(folder) for folder in options.runs]
-    validated_runs = [run for run in runs if len(run.steps)]
-    for run in runs:
-        if not len(run.steps):
-            print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
-    if not validated_runs:
-        raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
-    bands = group_by_seed(validated_runs)
+    bands = read_bands(options.runs)
     make_folder_of(options.out, "--out")
     write_figure(partial(draw_bands, bands), options.out)
     for band in bands:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import policies
+from evaluate.records.training_run import load_settings
 from policies.bundle import DESCRIPTION, find_bundle_folder
 from policies.network import ACTIVATION
 from policies.shipped import models_folder
@@ -18,7 +19,7 @@ from quad_env.robots.robot import Robot
 from train.config import POSES, TrainConfig
 from train.distillation.config import DistillationConfig, distillation_command
 from train.run_folder import BEST, CHECKPOINTS, CONFIG_FILE, RECORD_FILE
-from train.run_record import decode, from_dict, load_settings, training_command
+from train.run_record import decode, from_dict, training_command
 
 CARD = "MODEL.md"
 """File name of the model card, the description of a trained policy."""

@@ -12,6 +12,7 @@ import pytest
 import policies
 from evaluate.analysis.results import null_to_nan
 from evaluate.records.store import read_run
+from evaluate.records.training_run import load_settings
 from evaluate.statistics.training_seeds import mean_interval
 from policies.base import PolicyError
 from policies.bundle import copy
@@ -22,7 +23,6 @@ from research.training.trained_run import TrainedRun, find_origin, load_trained_
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
 from train.config import RECIPES
-from train.run_record import load_settings
 
 DISTILLATION = (
     "--teacher trot --labels 400 --envs 10 --round-steps 20 --segment-rounds 1 --max-episode-steps 30 --threads 1 "

@@ -8,13 +8,14 @@ import dataclasses
 from pathlib import Path
 from typing import cast
 
+from evaluate.records.training_run import load_settings
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP
 from train.distillation.config import DistillationConfig, check
 from train.run_folder import CONFIG_FILE, has_checkpoint, steps_done
-from train.run_record import decode, differences, load_settings
+from train.run_record import decode, differences
 
 NAME = "python -m train --teacher"
 OUT_OPTION = "--out"

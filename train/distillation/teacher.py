@@ -38,10 +38,10 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
     """
     try:
         teacher = config.hardware.policy(config.teacher, config.trust)
-        options: dict[str, Any] = {}
-        if on_hardware_profile:
-            options |= {"on_hardware_profile": True, "sensors": "truth", "robot": teacher.robot}
-        return config.hardware.policy(config.teacher, config.trust, **options) if options else teacher
+        if not on_hardware_profile:
+            return teacher
+        options: dict[str, Any] = {"sensors": "truth", "robot": teacher.robot}
+        return config.hardware.policy(config.teacher, config.trust, on_hardware_profile=True, **options)
     except policies.PolicyError as error:
         raise UsageError(f"--teacher: {error}") from None
 

@@ -165,7 +165,7 @@ def _separate_critic(policy: AsymmetricPolicy, rate: float) -> None:
     """Make the optimiser of a `policy` again, with a constant learning `rate` of the value network."""
     value = [*policy.mlp_extractor.value_net.parameters(), *policy.value_net.parameters()]
     critic = {id(each) for each in value}
-    actor = [each for each in policy.parameters() if id(each) not in critic]
+    actor = [each for each in policy.parameters() if each.requires_grad and id(each) not in critic]
     groups: list[dict[str, Any]] = [{"params": actor}, {"params": value, OWN_RATE: rate}]
     make_optimizer: Any = policy.optimizer_class
     policy.optimizer = make_optimizer(groups, lr=rate, **policy.optimizer_kwargs)
