@@ -1,6 +1,5 @@
 """Draws the learning curve of a training run: success and cost of transport in its validations, over the steps."""
 
-import io
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -8,28 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluate.report.plots.drawing import COLOURS, plot_settings
+from evaluate.report.plots.drawing import COLOURS, CURVE_PANELS, plot_settings, write_image
 from policies.base import Floats
-from quad_env.files.writing import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
-"""Panels of the learning curve, from top to bottom.
-
-Each item has the label of the vertical axis, and the factor that converts the data to the unit of the label."""
 FIGURE_WIDTH = 5.6
 """Width of the figure of a learning curve, inches."""
 PANEL_HEIGHT = 2.3
 """Height of a panel of the figure of a learning curve, inches."""
 LEGEND_LINE_HEIGHT = 0.2
 """Height that the figure of a learning curve reserves for each line of its legend, inches."""
-DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
-"""Suffix of an image file -> name of the metadata field with its date.
-
-`write_figure` leaves the field empty, so that two equal runs write identical files."""
+FORMATS = (".svg", ".png", ".pdf")
+"""Suffixes of the image files that `write_figure` writes."""
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
@@ -40,7 +32,7 @@ def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
     Args:
         validations: Results of all validations of the run, in order of steps. Each is a dictionary with the keys
             "steps", "success" and, in newer versions, "cost_of_transport".
-        out: Image file to write; its suffix is a key of `DATE_METADATA`.
+        out: Image file to write; its suffix is one of `FORMATS`.
     """
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
@@ -52,13 +44,10 @@ def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
 
     Args:
         draw: Function without arguments that draws and returns the figure.
-        out: Image file to write; its suffix is a key of `DATE_METADATA`.
+        out: Image file to write; its suffix is one of `FORMATS`.
     """
-    content = io.BytesIO()
-    metadata = {DATE_METADATA[out.suffix]: None}
     with plot_settings():
-        draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=metadata)
-    write_atomically(out, content.getvalue())
+        write_image(draw, out, dpi=160)
 
 
 def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
@@ -78,7 +67,7 @@ def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure"
     rows = np.array([[validation.get(name) for name in names] for validation in validations], np.float64)
     steps, *curves = rows.T
     figure, panels = make_axes(np.array(curves), title)
-    for axes, values, (_, scale) in zip(panels, curves, PANELS, strict=False):
+    for axes, values, (_, scale) in zip(panels, curves, CURVE_PANELS, strict=False):
         axes.plot(steps, scale * values, "o-", color=COLOURS[0], linewidth=1.6, markersize=4)
     return figure
 
@@ -102,7 +91,7 @@ def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Se
     height = PANEL_HEIGHT * count + LEGEND_LINE_HEIGHT * (legend + 2)
     figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
     panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (label, _) in zip(panels, PANELS, strict=False):
+    for axes, (label, _) in zip(panels, CURVE_PANELS, strict=False):
         axes.set_ylabel(label)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#dddddd", linewidth=0.6)

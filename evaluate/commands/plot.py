@@ -43,10 +43,10 @@ class PlotOptions:
 
 def main(options: PlotOptions) -> int:
     """Draw the figure that the `options` select, and print its file; return the exit code 0."""
-    from evaluate.report.plots.paper import DATE_METADATA, save_figure
+    from evaluate.report.plots.paper import FORMATS, save_figure
 
-    if options.out.suffix not in DATE_METADATA:
-        raise UsageError(f"--out: unknown format, got {options.out}; valid: {', '.join(DATE_METADATA)}")
+    if options.out.suffix not in FORMATS:
+        raise UsageError(f"--out: unknown format, got {options.out}; valid: {', '.join(FORMATS)}")
     draw = _learning_curves(options) if options.kind == "curves" else _results_figure(options)
     make_folder_of(options.out, "--out")
     save_figure(draw, options.out)

@@ -15,10 +15,10 @@ import numpy as np
 import tyro
 
 from evaluate.analysis.learning_curves import SeedBand, read_bands
-from evaluate.report.plots.drawing import COLOURS, MARKS
+from evaluate.report.plots.drawing import COLOURS, CURVE_PANELS, MARKS
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
-from train.learning_curve import DATE_METADATA, PANELS, make_axes, write_figure
+from train.learning_curve import FORMATS, make_axes, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,8 +47,8 @@ def main(options: CurvesOptions) -> int:
     Raises:
         UsageError: An option is invalid, or no run has a validation.
     """
-    if options.out.suffix not in DATE_METADATA:
-        raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
+    if options.out.suffix not in FORMATS:
+        raise UsageError(f"--out must end in {', '.join(FORMATS)}, unlike {options.out}")
     bands = read_bands(options.runs)
     make_folder_of(options.out, "--out")
     write_figure(partial(draw_bands, bands), options.out)
@@ -94,8 +94,8 @@ def _draw_band(axes: "Axes", band: SeedBand, row: int, colour: str, mark: str) -
         colour: Colour of lines and band.
         mark: Matplotlib marker of the points of the mean.
     """
-    mean, low, high = (PANELS[row][1] * figures[row] for figures in band.over_seeds())
+    mean, low, high = (CURVE_PANELS[row][1] * figures[row] for figures in band.over_seeds())
     axes.fill_between(band.steps, low, high, color=colour, alpha=0.18, linewidth=0)
     for run in band.runs if len(band.runs) > 1 else ():
-        axes.plot(run.steps, PANELS[row][1] * run.figures[row], color=colour, alpha=0.4, linewidth=0.7)
+        axes.plot(run.steps, CURVE_PANELS[row][1] * run.figures[row], color=colour, alpha=0.4, linewidth=0.7)
     axes.plot(band.steps, mean, f"{mark}-", color=colour, linewidth=1.6, markersize=4, label=band.label)

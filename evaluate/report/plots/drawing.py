@@ -2,12 +2,15 @@
 
 import io
 import re
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluate.analysis.results import Results
+from quad_env.files.writing import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +33,14 @@ MAX_NAME_WIDTH = 1.5
 """Largest width of the name of a policy in a plot, inches; longer names are shortened."""
 LEGEND_LINE = 0.17
 """Height of a line of the legend of a plot, inches."""
+
+
+DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
+"""Suffix of an image file -> metadata field with its date, which is left empty, so that equal runs give equal files."""
+CURVE_PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
+"""Panels of learning curves, from top to bottom.
+
+Each item has the label of the vertical axis, and the factor that converts the data to the unit of the label."""
 
 
 def plot_settings() -> AbstractContextManager[None]:
@@ -102,6 +113,22 @@ def figure_to_svg(figure: "Figure") -> bytes:
 
 
 @cache
+def write_image(draw: "Callable[[], Figure]", out: Path, dpi: int) -> None:
+    """Draw a Matplotlib figure and write it to an image file.
+
+    Raises OSError if the file cannot be written; an existing file is then unchanged.
+
+    Args:
+        draw: Function without arguments that draws and returns the figure.
+        out: Image file to write; its suffix is a key of `DATE_METADATA`.
+        dpi: Resolution of a PNG, and of pixels in other formats, 1/inch.
+    """
+    content = io.BytesIO()
+    metadata = {DATE_METADATA[out.suffix]: None}
+    draw().savefig(content, format=out.suffix[1:], dpi=dpi, facecolor="white", metadata=metadata)
+    write_atomically(out, content.getvalue())
+
+
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Return the colour and the mark of each policy in plots: name of a policy -> colour, matplotlib mark.
 

@@ -3,7 +3,6 @@
 The figures have the widths of one and of two text columns. Colours are the same as in the report.
 """
 
-import io
 import math
 import textwrap
 from collections.abc import Callable, Sequence
@@ -17,9 +16,8 @@ from evaluate.analysis.entries import Entry, Statistic
 from evaluate.analysis.learning_curves import SeedBand
 from evaluate.analysis.pareto import ParetoPoint, find_pareto_front
 from evaluate.analysis.severity_levels import SeverityAxis
-from evaluate.report.plots.drawing import COLOURS, MARKS, plot_settings, short_name, styles
+from evaluate.report.plots.drawing import COLOURS, CURVE_PANELS, MARKS, plot_settings, short_name, styles, write_image
 from evaluate.report.plots.pareto import draw_pareto_front
-from quad_env.files.writing import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,10 +42,8 @@ LABEL_WIDTH = 26
 """Largest number of characters in a line of the label below a panel of an axis."""
 LEGEND_NAMES = {1: 2, 2: 4}
 """Number of text columns -> names side by side in a legend."""
-DATE_METADATA = {".pdf": "CreationDate", ".svg": "Date", ".png": "Creation Time"}
-"""Suffix of an image file -> metadata field with its date, which is left out, so that equal runs give equal files."""
-CURVE_PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
-"""Label and factor of the unit of each panel of the learning curves."""
+FORMATS = (".pdf", ".svg", ".png")
+"""Suffixes of the image files that `save_figure` writes."""
 
 
 @contextmanager
@@ -76,13 +72,10 @@ def save_figure(draw: "Callable[[], Figure]", out: Path) -> None:
 
     Args:
         draw: Function that draws and returns the figure.
-        out: File to write; its suffix is a key of DATE_METADATA.
+        out: File to write; its suffix is one of FORMATS.
     """
-    content = io.BytesIO()
     with paper_settings():
-        metadata = {DATE_METADATA[out.suffix]: None}
-        draw().savefig(content, format=out.suffix[1:], dpi=300, facecolor="white", metadata=metadata)
-    write_atomically(out, content.getvalue())
+        write_image(draw, out, dpi=300)
 
 
 def draw_scores(entries: Sequence[Entry], columns: int) -> "Figure":
