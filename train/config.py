@@ -326,7 +326,7 @@ IMPROVE_MIXTURE = (
 
 Every disturbance axis is included at a level at which a student of a model-based controller often fails."""
 _IMPROVE = TrainConfig(
-    policy="end-to-end", recipe="improve", base="stand", steps=10_000_000, mixture=IMPROVE_MIXTURE, curriculum=1.0,
+    policy="end-to-end", recipe="improve", base="stand", steps=8_000_000, mixture=IMPROVE_MIXTURE, curriculum=1.0,
     effort_ramp=0.0, rewards=REWARDS,
     ppo=PpoConfig(
         envs=2048, rollout_steps=12, minibatch=8192, epochs=3, learning_rate=2e-5,
@@ -335,7 +335,7 @@ _IMPROVE = TrainConfig(
         cloning_steps=3_000_000, normalization="running",
     ),
     validation=ValidationConfig(
-        interval=2_000_000, episodes=8,
+        interval=1_000_000, episodes=16,
         scenarios=(
             "flat", "push:3", "rough:3", "force:3", "slope:5", "stairs:3", "latency:4", "surprise:3",
             "push:3+hardware", "force:3+hardware",
