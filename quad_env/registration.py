@@ -65,6 +65,6 @@ def _add_to(gymnasium: Any) -> None:
         gymnasium.register(
             ENV_ID,
             entry_point="quad_env.envs.env:SimpleQuadEnv",
-            vector_entry_point="quad_env.envs.vector_env:SimpleQuadVectorEnv",
+            vector_entry_point="quad_env.envs.scenario_groups:make_vector_env",
             max_episode_steps=MAX_EPISODE_STEPS,
         )

@@ -6,18 +6,17 @@ There is one batch of robots for each scenario of the training mixture.
 import dataclasses
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from policies.base import Policy
 from quad_env.columns import Array, to_components
 from quad_env.config import TaskConfig
+from quad_env.envs.combined_env import CombinedVectorEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
@@ -26,7 +25,6 @@ from quad_env.scenarios.disturbances import Kicks
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
-from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import REWARD
 from train.config import EFFORT_TERMS, TrainConfig
 from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
@@ -46,7 +44,7 @@ NO_TRUNCATION = np.iinfo(np.int64).max
 """Length limit of a first episode that must not be truncated early, control steps; no episode is as long."""
 
 
-class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+class MultiScenarioVectorEnv(CombinedVectorEnv):
     """Combines the vector environments of several scenarios into one, and collects statistics of the training.
 
     The first episodes can be truncated at random lengths, so that the robots are out of phase with each other. Finished
@@ -67,18 +65,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         first_episode_steps: Callable[[Sequence[int] | None], NDArray[np.int64]] | None = None,
         threads: int = 1,
     ) -> None:
-        self.batches = tuple(batches)
-        self._pool = ThreadPoolExecutor(threads, "robots") if threads > 1 else None
-        ends = np.cumsum([batch.num_envs for batch in batches])
-        self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
-        self.num_envs = n = int(ends[-1])
-        self.robot = batches[0].robot
-        self.dt = batches[0].dt
-        self.single_observation_space = batches[0].single_observation_space
-        self.single_action_space = batches[0].single_action_space
-        self.observation_space = batch_space(self.single_observation_space, n)
-        self.action_space = batch_space(self.single_action_space, n)
-        self.metadata = batches[0].metadata | {"autoreset_mode": AutoresetMode.DISABLED}
+        super().__init__(batches, threads)
+        n = self.num_envs
+        self.metadata |= {"autoreset_mode": AutoresetMode.DISABLED}
         self._first_episode_steps = first_episode_steps or (lambda _: np.full(n, NO_TRUNCATION))
         self._first_truncation = np.full(n, NO_TRUNCATION)
         self._elapsed = np.zeros(n, np.int64)
@@ -110,19 +99,15 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
         chosen = np.ones(self.num_envs, np.bool_) if mask is None else mask
-        results = [
-            batch.reset(seed=None if seeds is None else seeds[part], options={"reset_mask": chosen[part]})
-            for batch, part in zip(self.batches, self._parts, strict=True)
-        ]
+        observation, infos = super().reset(seed=seed, options=options)
         if mask is not None:
             self._count_episodes(mask)
         self._first_truncation[chosen] = NO_TRUNCATION if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = 0
         self._returns[chosen] = 0
         self._intervals.reset(chosen)
-        infos = _concatenate_infos([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
-        return np.concatenate([observation for observation, _ in results]), infos
+        return observation, infos
 
     def step(self, actions: FloatArray) -> Step:
         """Simulate one control step of all robots with joint targets `actions`, (n, 12), rad.
@@ -130,11 +115,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         Returns the observation, (n, m), with m numbers per robot; the rewards, (n,); the masks of terminated and of
         truncated episodes, each (n,); and the infos.
         """
-        batch_actions = [actions[part] for part in self._parts]
-        map_batches = map if self._pool is None else self._pool.map
-        results = list(map_batches(lambda batch, targets: batch.step(targets), self.batches, batch_actions))
-        observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
-        infos = _concatenate_infos([result[4] for result in results])
+        observation, rewards, terminated, truncated, infos = super().step(actions)
         self._elapsed += 1
         self._returns += rewards
         self._count_step(infos, rewards, terminated & ~self._fell)
@@ -144,19 +125,6 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         infos["_episode"] = terminated | truncated
         infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
-
-    def true_observation(self, height_scan: HeightScan | None = None) -> FloatArray:
-        """Return the observation of the true present state of all robots, without noise and delay, (n, m).
-
-        `quad_env.SimpleQuadEnv` explains the m numbers per robot.
-
-        Args:
-            height_scan: Grid of a height scan to append; None for no scan.
-
-        Returns:
-            The observation.
-        """
-        return np.concatenate([batch.true_observation(height_scan) for batch in self.batches])
 
     def pop_statistics(self) -> dict[str, float]:
         """Return the statistics of all robots since the last call of this method, and clear them.
@@ -204,12 +172,10 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self.batches[number].close()
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
 
-    def close_extras(self, **_: Any) -> None:
-        """Close the vector environments of all scenarios, and stop the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
-        for batch in self.batches:
-            batch.close()
+    def _combine_infos(self, infos: Sequence[Infos]) -> Infos:
+        """Return the infos that every scenario has, for all robots; the readings of simulated sensors are left out."""
+        shared = [key for key in infos[0] if all(key in batch_infos for batch_infos in infos)]
+        return {key: np.concatenate([batch_infos[key] for batch_infos in infos]) for key in shared}
 
     def _privileged(self, infos: Infos) -> FloatArray:
         """Return the observations that only the value network receives, (n, `privileged_width`).
@@ -256,11 +222,6 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
     return np.stack(to_heading(rotation, to_components(batch.simulation.push)))
-
-
-def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
-    """Concatenate the infos of several vector environments along the robots, key by key."""
-    return {key: np.concatenate([batch_infos[key] for batch_infos in infos]) for key in infos[0]}
 
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:

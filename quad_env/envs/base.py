@@ -175,7 +175,7 @@ class QuadEnvBase:
         self.config = _check_task_config(_to_setting(options.config))
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
-        self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
+        self.robot, servo_gains = make_robot(options.robot, options.servo, num_envs)
         """Model of the simulated robot; if the servo gains differ between the n robots, the model has their mean."""
         self.scenario = find_scenario(_to_setting(scenario), self.robot)
         """Scenario of all episodes: terrain, commands, disturbances and initial state."""
@@ -397,13 +397,18 @@ def _check_task_config(config: Any) -> TaskConfig:
     return config or TaskConfig()
 
 
-def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
-    """Return the robot model with its servo gains, and the servo gains of each of the `num_envs` robots.
+def make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
+    """Return the robot model with its servo gains, and the servo gains of each robot.
 
-    `servo` is a pair of stiffness and damping, "stiff" or None. "stiff" means the robot's gains for controllers that
-    need stiff servos, and None means the robot's usual gains. The returned gains are stiffness, N·m/rad, and damping,
-    N·m·s/rad, (2, n, 12). The gains are None if all robots have the same gains. If the gains of the robots differ, the
-    returned robot model has their mean.
+    Args:
+        robot: Robot or its name.
+        servo: Pair of stiffness and damping; "stiff" for the robot's gains for controllers that need stiff servos; None
+            for the robot's usual gains.
+        num_envs: Number of robots.
+
+    Returns:
+        robot: Robot model with the servo gains; with their mean if the gains of the robots differ.
+        gains: Stiffness, N·m/rad, and damping, N·m·s/rad, of each robot, (2, n, 12); None if they do not differ.
     """
     robot = get_robot(robot)
     gains = robot.servo_gains(servo, num_envs)

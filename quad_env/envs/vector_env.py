@@ -37,6 +37,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     Args:
         num_envs: Number of robots.
         scenario: Name of a scenario with an optional level or severity, or a `quad_env.Scenario`; see `SimpleQuadEnv`.
+            `gym.make_vec` also takes a list of scenarios, one for each of equal groups of robots; see
+            `ScenarioGroupsVectorEnv`.
         nthread: Number of simulation threads; the results do not depend on this number.
         autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot is not simulated: its last observation is repeated, with zero reward, until

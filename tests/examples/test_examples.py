@@ -33,6 +33,10 @@ RUNS = {
     "combined_scenario": Run(
         "--robots 4 --seconds 1", r"flat: 0\.\d\d m/s of 0\.50 m/s, 0 of 4 fell\s+hillside: 0\.\d\d m/s"
     ),
+    "batch_reward": Run(
+        "--robots 4 --steps 60",
+        r"flat: reward -?\d\.\d+ a step, -0\.0*[1-9]\d* of it for clearance\s+rough: reward -?\d\.\d+ a step, -0\.",
+    ),
     "record_video": Run("--steps 30", r"trot-episode-0\.mp4: 0\.\d\d m/s forward", "moviepy"),
     "sb3_home_pose": Run(
         "--steps 1000 --episodes 1", r"saved .*sb3_home_pose\.zip after 1024 steps.* stand +0\s%.*report\.html"

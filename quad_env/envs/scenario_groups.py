@@ -1,0 +1,235 @@
+"""The vector environment of several scenarios: equal groups of robots, each with its own scenario."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from functools import partial
+from typing import Any, ClassVar, Unpack
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+
+from quad_env.columns import Array, Mask
+from quad_env.envs import arguments
+from quad_env.envs.attributes import check_settable
+from quad_env.envs.base import EnvKwargs, make_robot
+from quad_env.envs.combined_env import CombinedVectorEnv
+from quad_env.envs.vector_env import RENDER_MODES, Infos, Observation, SimpleQuadVectorEnv
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import Scenario
+
+
+class ScenarioGroupsVectorEnv(CombinedVectorEnv):
+    """Batch of n SimpleQuad robots in equal groups, one for each of s scenarios; made by `gym.make_vec`.
+
+    Robots 0 to n/s - 1 have the first scenario, the next n/s robots the second one, and so on. A group gives the same
+    numbers, bit for bit, as `SimpleQuadVectorEnv` of its scenario alone with the same seeds. An info that only some
+    scenarios have, such as a sensor reading, is zero for the other robots, and its mask `_<key>` is False for them.
+
+    Args:
+        num_envs: Number of robots, a multiple of the number of scenarios.
+        scenario: Scenario of each group: names, or `quad_env.Scenario`. A repeated scenario gets more robots.
+        nthread: Number of simulation threads; the results do not depend on this number.
+        **options: Further arguments of `SimpleQuadVectorEnv`, the same for all groups. Servo gains that differ between
+            robots have a row for each of the n robots.
+
+    Raises:
+        ValueError: An argument is invalid.
+
+    Attributes:
+        batches: Vector environment of each group.
+        scenario_ids: Index of each robot's scenario in `scenarios`, (n,).
+    """
+
+    SETTABLE: ClassVar = SimpleQuadVectorEnv.SETTABLE
+    _made = False
+    """True after the constructor has finished; only then, `__setattr__` checks assignments."""
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenario: Sequence[str | Scenario],
+        nthread: int = 2,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = 1000,
+        terminate_on_fall: bool = True,
+        render_mode: str | None = None,
+        readings: bool = False,
+        **parts: Unpack[EnvKwargs],
+    ) -> None:
+        size = _group_size(num_envs, scenario)
+        servo = parts.pop("servo", None)
+        robot, gains = make_robot(parts.get("robot", SIMPLE_QUAD), servo, num_envs)
+        make = partial(
+            SimpleQuadVectorEnv,
+            size,
+            nthread=nthread,
+            autoreset_mode=autoreset_mode,
+            max_episode_steps=max_episode_steps,
+            terminate_on_fall=terminate_on_fall,
+            render_mode=render_mode,
+            readings=readings,
+            **parts,
+        )
+        batches = []
+        for number, entry in enumerate(scenario):
+            rows = slice(number * size, (number + 1) * size)
+            batches.append(make(scenario=entry, servo=servo if gains is None else tuple(gains[:, rows])))
+        super().__init__(batches)
+        self.robot = robot
+        self.config = batches[0].config
+        self.autoreset_mode = batches[0].autoreset_mode
+        self.observation_table = batches[0].observation_table
+        self.scenario_ids = np.repeat(np.arange(len(batches)), size)
+        self._started = np.zeros(self.num_envs, bool)
+        self._made = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set the attribute `name` to `value`; raise AttributeError if the assignment would have no effect."""
+        if name[0] != "_" and self._made:
+            check_settable(self, name, value, EnvKwargs.__annotations__)
+        object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        args, kwargs = self._arguments
+        state = {"spec": deepcopy(self.spec), "schedules": [deepcopy(batch._schedule) for batch in self.batches]}
+        return partial(type(self), *args, **kwargs), (), state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.spec = state["spec"]
+        for batch, schedule in zip(self.batches, state["schedules"], strict=True):
+            batch._schedule = schedule
+
+    @property
+    def scenarios(self) -> tuple[Scenario, ...]:
+        """Scenario of each group."""
+        return tuple(batch.scenario for batch in self.batches)
+
+    @property
+    def observes_true_state(self) -> bool:
+        """True if the observation of every group is the true state, without noise and delay."""
+        return all(batch.observes_true_state for batch in self.batches)
+
+    @property
+    def terminate_on_fall(self) -> bool:
+        """True if a fall ends the episode."""
+        return self.batches[0].terminate_on_fall
+
+    @terminate_on_fall.setter
+    def terminate_on_fall(self, value: bool) -> None:
+        for batch in self.batches:
+            batch.terminate_on_fall = value
+
+    @property
+    def max_episode_steps(self) -> int | None:
+        """Time limit in control steps; None for no limit."""
+        return self.batches[0].max_episode_steps
+
+    @max_episode_steps.setter
+    def max_episode_steps(self, value: int | None) -> None:
+        for batch in self.batches:
+            batch.max_episode_steps = value
+
+    @property
+    def render_mode(self) -> str | None:
+        """Mode of `render`: "rgb_array", or None."""
+        return self.batches[0].render_mode
+
+    @render_mode.setter
+    def render_mode(self, value: str | None) -> None:
+        for batch in self.batches:
+            batch.render_mode = value
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Infos]:
+        """Start a new episode in every env, or only where `options["reset_mask"]` is True.
+
+        Args:
+            seed: As in `SimpleQuadVectorEnv.reset`; env i gets the seed `seed` + i, or `seed[i]`.
+            options: As in `SimpleQuadVectorEnv.reset`, for all n robots.
+
+        Returns:
+            obs: Observations of all robots, (n, size).
+            infos: Dictionary, key -> array (n, ...).
+        """
+        result = super().reset(seed=seed, options=options)
+        self._started |= arguments.parse_reset_options(options, self.num_envs)[0]
+        return result
+
+    def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
+        """Advance by one control period of `dt` seconds, see `SimpleQuadVectorEnv.step`.
+
+        Args:
+            actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
+
+        Returns:
+            The results of `SimpleQuadVectorEnv.step` for all n robots.
+
+        Raises:
+            ResetNeeded: An env was never reset.
+        """
+        if not self._started.all():
+            raise ResetNeeded("reset the environments before the first step")
+        shape = (self.num_envs, self.robot.num_joints)
+        targets = arguments.check_joint_targets(actions, shape, self.robot.joint_lower, self.robot.joint_upper)
+        return super().step(targets)
+
+    def steer(self, command: ArrayLike) -> None:
+        """Set the velocity command that robots track until the next reset, see `SimpleQuadVectorEnv.steer`.
+
+        Args:
+            command: Forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s, (3,) or (n, 3).
+        """
+        commands = arguments.check_commands(command, self.num_envs, "command")
+        for batch, part in zip(self.batches, self._parts, strict=True):
+            batch.steer(commands[part])
+
+    def push(self, force: ArrayLike, duration: float) -> None:
+        """Apply a horizontal force to the trunks, see `SimpleQuadVectorEnv.push`.
+
+        Args:
+            force: Force on the trunk, world frame, (2,) or (n, 2), N.
+            duration: Duration of the push, s.
+        """
+        forces = arguments.check_rows(force, (self.num_envs, 2), "force")
+        for batch, part in zip(self.batches, self._parts, strict=True):
+            batch.push(forces[part], duration)
+
+    def render(self) -> tuple[NDArray[Any], ...] | None:
+        """Return an RGB image of each robot, n times (480, 640, 3) uint8; None if `render_mode` is None."""
+        if self.render_mode is None:
+            arguments.warn_no_render_mode(RENDER_MODES)
+            return None
+        return tuple(frame for batch in self.batches for frame in batch.render() or ())
+
+
+def make_vector_env(
+    num_envs: int = 1,
+    scenario: str | Scenario | list[str | Scenario] | tuple[str | Scenario, ...] = "flat",
+    **options: Any,
+) -> SimpleQuadVectorEnv | ScenarioGroupsVectorEnv:
+    """Make the vector environment of one scenario, or of a list of scenarios; the entry point of `gym.make_vec`.
+
+    Args:
+        num_envs: Number of robots.
+        scenario: Scenario of all robots, or a list or tuple with the scenario of each of equal groups of robots.
+        **options: Further arguments of `SimpleQuadVectorEnv`.
+
+    Returns:
+        `SimpleQuadVectorEnv` for one scenario, `ScenarioGroupsVectorEnv` for a list.
+    """
+    if isinstance(scenario, list | tuple):
+        return ScenarioGroupsVectorEnv(num_envs, scenario, **options)
+    return SimpleQuadVectorEnv(num_envs, scenario, **options)
+
+
+def _group_size(num_envs: Any, scenario: Sequence[str | Scenario]) -> int:
+    """Return the number of robots of each group; raise ValueError if the groups would not be equal."""
+    count = len(scenario)
+    if not count:
+        raise ValueError("scenario: an empty list; valid: one scenario, or a list with a scenario for each group")
+    if arguments.check_count("num_envs", num_envs) % count:
+        raise ValueError(f"num_envs: {count} scenarios need equal groups, got {num_envs}; valid: a multiple of {count}")
+    return int(num_envs) // count
