@@ -39,8 +39,9 @@ class ActionDelay:
         self._delayed_targets = np.zeros((num_envs, robot.num_joints))
         self._dropout_start = np.zeros((num_envs, dropout_count), np.int64)
         """First control step of each dropout in the present episode of each of n robots, (n, dropouts)."""
-        self._dropout_steps = 0 if dropouts is None else control_steps(dropouts.duration, dt)
-        """Duration of a dropout, in which a joint receives no new targets, control steps."""
+        self._dropout_steps = np.zeros(num_envs, np.int64)
+        """Duration of each robot's dropouts, in which a joint receives no new targets, (n,), control steps."""
+        self._dt = dt
         self._dropout_joint = np.zeros((num_envs, dropout_count), np.int64)
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
@@ -56,6 +57,8 @@ class ActionDelay:
             self._delay_steps[row] = episode.action_delay
             if episode.dropouts is not None:
                 self._dropout_start[row], self._dropout_joint[row] = episode.dropouts
+            if (dropouts := episode.scenario.dropouts) is not None:
+                self._dropout_steps[row] = control_steps(dropouts.duration, self._dt)
 
     def update(self, targets: Array, clock: NDArray[np.int64], env_ids: EnvIndices) -> Array:
         """Store the targets of this control step, and return the delayed targets that the servos receive.
@@ -71,7 +74,7 @@ class ActionDelay:
         slots = len(self._target_buffer)
         self._target_buffer[clock % slots, env_ids] = targets[env_ids]
         arriving = self._target_buffer[(clock - self._delay_steps[env_ids]) % slots, env_ids]
-        if self._dropout_steps:
+        if self._dropout_start.size:
             is_dropped = self._dropout_mask(clock, env_ids)
             arriving = np.where(is_dropped, self._delayed_targets[env_ids], arriving)
         self._delayed_targets[env_ids] = arriving
@@ -84,7 +87,7 @@ class ActionDelay:
         """
         elapsed = clock[:, None] - self._dropout_start[env_ids]
         mask = np.zeros((len(env_ids), self._delayed_targets.shape[1]), np.bool_)
-        robot, event = np.nonzero((elapsed >= 0) & (elapsed < self._dropout_steps))
+        robot, event = np.nonzero((elapsed >= 0) & (elapsed < self._dropout_steps[env_ids, None]))
         mask[robot, self._dropout_joint[env_ids[robot], event]] = True
         return mask
 

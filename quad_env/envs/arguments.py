@@ -10,12 +10,13 @@ from gymnasium.vector import AutoresetMode
 from quad_env.columns import Array, Mask
 from quad_env.config import COMMAND_BOUND
 from quad_env.files.text import brief
+from quad_env.scenarios.registry import MAX_SEVERITY
 
 MAX_PIXELS = 8192
 """Maximum width and height of a rendered image, pixels."""
 MAX_THREADS = 1024
 """Maximum number of simulation threads of a vector environment."""
-RESET_OPTIONS = ("command", "reset_mask")
+RESET_OPTIONS = ("command", "reset_mask", "severity")
 """Valid keys of the dictionary `options`, an argument of `reset`."""
 
 
@@ -62,17 +63,18 @@ def warn_no_render_mode(modes: Sequence[str]) -> None:
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
-def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None]:
-    """Check the argument `options` of `reset`, and return the reset mask and the commands.
+def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None, Array | None]:
+    """Check the argument `options` of `reset`, and return the reset mask, the commands and the severities.
 
     Args:
-        options: Mapping with the optional keys "command" and "reset_mask", or None for neither.
+        options: Mapping with the optional keys "command", "reset_mask" and "severity", or None for none.
         num_envs: Number of robots n.
 
     Returns:
         reset_mask: True for robots to reset, (n,).
         command: Velocity commands of all robots for the whole episode, (n, 3): forward m/s, lateral m/s, yaw rate
             rad/s. None if commands are drawn at random.
+        severity: New severity of each robot's scenario, (n,), NaN for an unchanged one; None for no change.
 
     Raises:
         ValueError: The options are not a mapping, or a key or value is invalid.
@@ -84,7 +86,23 @@ def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None
         raise ValueError(f"unknown options {sorted(map(str, unknown))}; valid: {', '.join(RESET_OPTIONS)}")
     command = given.get("command")
     fixed_command = None if command is None else check_commands(command, num_envs, "options['command']")
-    return _check_reset_mask(given.get("reset_mask"), num_envs), fixed_command
+    severity = given.get("severity")
+    severities = None if severity is None else _check_severities(severity, num_envs)
+    return _check_reset_mask(given.get("reset_mask"), num_envs), fixed_command, severities
+
+
+def _check_severities(severity: Any, num_envs: int) -> Array:
+    """Check and return the severities of all robots, (num_envs,); NaN leaves the severity of a robot unchanged."""
+    name = "options['severity']"
+    try:
+        array = np.asarray(severity, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name}: not a number for each robot, got {brief(severity)}") from None
+    if array.shape not in ((), (num_envs,)):
+        raise ValueError(f"{name}: wrong number of severities, got shape {array.shape}; valid: () or ({num_envs},)")
+    if ((array < 0) | (array > MAX_SEVERITY)).any():
+        raise ValueError(f"{name}: a severity is a number from 0 to {MAX_SEVERITY:g}, got {brief(severity)}")
+    return np.broadcast_to(array, (num_envs,)).copy()
 
 
 def check_commands(command: Any, num_envs: int, name: str) -> Array:

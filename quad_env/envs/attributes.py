@@ -52,6 +52,9 @@ def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> Non
         fact = "is not read"
         steer = " and steer(command)" if hasattr(env, "steer") else ""
         valid = f'reset(options={{"command": (forward, lateral, yaw_rate)}}){steer}, or {make}(..., scenario=...)'
+    elif name == "severity":
+        fact = "is not read"
+        valid = f'reset(options={{"severity": ...}}), or {make}(..., scenario=...)'
     else:
         fact = "can be read but not set" if is_own else "is no attribute of the environment"
         valid = ", ".join(sorted(env.SETTABLE))

@@ -18,6 +18,7 @@ from quad_env.columns import (
     BoolOrMask,
     EnvIndices,
     EnvSelection,
+    Mask,
     ScalarOrBatch,
     any_true,
     component_reader,
@@ -33,10 +34,11 @@ from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
+from quad_env.scenarios.episode import EpisodeSample, moved_properties, stack_initial_conditions
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import EpisodeSchedule
+from quad_env.scenarios.severity import at_severity
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, make_scanner, table_with
 from quad_env.sensing.observation import make_observation_model
@@ -131,6 +133,8 @@ class QuadEnvBase:
 
     This is a class attribute, because `close_extras` reads it even if the constructor failed.
     """
+    _has_moved = False
+    """True after a reset with severities; only then, `reset` writes friction and payload into the models."""
     _made = False
     """True after the constructor has finished; only then, `__setattr__` checks assignments."""
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
@@ -149,7 +153,7 @@ class QuadEnvBase:
 
     def __reduce__(self) -> tuple[Any, ...]:
         args, kwargs = self._arguments
-        state = {name: deepcopy(getattr(self, name)) for name in ("spec", "_schedule")}
+        state = {name: deepcopy(getattr(self, name)) for name in ("spec", "_schedule", "_has_moved")}
         return partial(type(self), *args, **kwargs), (), state
 
     def _build(
@@ -264,9 +268,41 @@ class QuadEnvBase:
         """True if the observation is the true state, without noise and delay."""
         return self._observation_model.is_exact
 
+    @property
+    def severity(self) -> Any:
+        """Severity of each robot's scenario, (n,), or a number for one robot; `reset` changes it."""
+        return self._schedule.severity
+
+    def moved_scenarios(self, severities: Array | None, mask: Mask) -> dict[int, Scenario]:
+        """Return the scenarios at new severities, index of the robot -> scenario.
+
+        ValueError is raised if a severity is not possible in this environment.
+
+        Args:
+            severities: New severities, (n,); NaN keeps the present one; None keeps all.
+            mask: True for robots to move, (n,).
+
+        Returns:
+            Scenario of each robot that moves.
+        """
+        if severities is None:
+            return {}
+        features = self.simulation.batch.features
+        moving = np.flatnonzero(mask & ~np.isnan(severities))
+        return {
+            int(i): at_severity(self.scenario, float(severities[i]), self.robot, features.per_env_models)
+            for i in moving
+        }
+
+    def _move(self, scenarios: dict[int, Scenario]) -> None:
+        """Set the scenarios of some robots for their next episodes, index of the robot -> scenario."""
+        self._schedule.set_scenarios(scenarios)
+        self._has_moved |= bool(scenarios)
+
     def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Reset simulation, action delay, sensors and height scan of the robots `env_ids` to k new `episodes`."""
-        self.simulation.reset(env_ids, *stack_initial_conditions(episodes))
+        properties = moved_properties(episodes) if self._has_moved else ()
+        self.simulation.reset(env_ids, *stack_initial_conditions(episodes), properties)
         for part in (self._action_delay, self._observation_model, self._scanner):
             if part is not None:
                 part.reset(env_ids, episodes)

@@ -68,14 +68,19 @@ class CombinedVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
         Returns:
             Observation of all n robots, (n, m), with m numbers per robot; and infos.
         """
-        mask, fixed_command = parse_reset_options(options, self.num_envs)
+        mask, fixed_command, severities = parse_reset_options(options, self.num_envs)
         seeds = None if seed is None else assign_seeds(seed, self.num_envs)
+        if severities is not None:
+            for batch, part in zip(self.batches, self._parts, strict=True):
+                batch.moved_scenarios(severities[part], mask[part])
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         results = []
         for batch, part in zip(self.batches, self._parts, strict=True):
             batch_options: dict[str, Any] = {"reset_mask": mask[part]}
             if fixed_command is not None:
                 batch_options["command"] = fixed_command[part]
+            if severities is not None:
+                batch_options["severity"] = severities[part]
             results.append(batch.reset(seed=None if seeds is None else seeds[part], options=batch_options))
         infos = self._combine_infos([batch_infos for _, batch_infos in results])
         return np.concatenate([observation for observation, _ in results]), infos

@@ -117,22 +117,25 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         Args:
             seed: Seed that defines this and the following episodes. None keeps the present seed, and starts the next
                 episode that this seed defines.
-            options: Dictionary with the key "command", the velocity command of the whole episode: forward m/s, lateral
-                m/s, yaw rate rad/s, (3,). If `options` is None, commands are drawn at random.
+            options: Dictionary with two optional keys. "command", (3,), is the velocity command of the whole episode:
+                forward m/s, lateral m/s, yaw rate rad/s; by default, commands are drawn at random. "severity" is the
+                severity of the scenario in this and later episodes, in the unit of its axis.
 
         Returns:
             obs: First observation, (size,).
             info: Dictionary, key -> number or array; docs/environment.md lists the keys.
 
         Raises:
-            ValueError: The seed or command has the wrong shape or type, or the options have a `reset_mask`.
+            ValueError: The seed, command or severity is invalid, or the options have a `reset_mask`.
         """
-        mask, fixed_command = parse_reset_options(options, 1)
+        mask, fixed_command, severities = parse_reset_options(options, 1)
         seed = None if seed is None else assign_seeds([seed], 1)[0]
         super().reset(seed=seed)
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
+        moved_scenarios = self.moved_scenarios(severities, mask)
         self._schedule.reseed(seed, mask)
+        self._move(moved_scenarios)
         self._reset_episodes(self._rows, self._schedule.reset(self._rows, fixed_command))
         self._fall = 0
         self._started = True

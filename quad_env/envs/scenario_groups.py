@@ -93,18 +93,23 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
 
     def __reduce__(self) -> tuple[Any, ...]:
         args, kwargs = self._arguments
-        state = {"spec": deepcopy(self.spec), "schedules": [deepcopy(batch._schedule) for batch in self.batches]}
+        state = {"spec": deepcopy(self.spec), "batches": [deepcopy(batch.__reduce__()[2]) for batch in self.batches]}
         return partial(type(self), *args, **kwargs), (), state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.spec = state["spec"]
-        for batch, schedule in zip(self.batches, state["schedules"], strict=True):
-            batch._schedule = schedule
+        for batch, batch_state in zip(self.batches, state["batches"], strict=True):
+            vars(batch).update(batch_state)
 
     @property
     def scenarios(self) -> tuple[Scenario, ...]:
         """Scenario of each group."""
         return tuple(batch.scenario for batch in self.batches)
+
+    @property
+    def severity(self) -> Array:
+        """Severity of each robot's scenario, (n,); `reset` changes it."""
+        return np.concatenate([batch.severity for batch in self.batches])
 
     @property
     def observes_true_state(self) -> bool:

@@ -115,20 +115,24 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     ) -> tuple[Observation, Infos]:
         """Start a new episode in every env, or only where `options["reset_mask"]` is True.
 
-        ValueError is raised for a seed, command or mask of the wrong shape or type.
+        ValueError is raised for an invalid seed, command, severity or mask.
 
         Args:
             seed: If it is an integer, env i gets the seed `seed` + i; if it is a sequence, env i gets `seed[i]`. None
                 keeps the present seed of each env, and starts the next episode that this seed defines.
-            options: Dictionary with two optional keys. "command", (3,) or (n, 3), is the velocity command of the whole
+            options: Dictionary with optional keys. "command", (3,) or (n, 3), is the velocity command of the whole
                 episode: forward m/s, lateral m/s, yaw rate rad/s. "reset_mask", (n,) bool, is True for envs to reset.
+                "severity", (n,) or a number, is the severity of each env's scenario in this and later episodes, in the
+                unit of its axis; NaN keeps the present severity.
 
         Returns:
             obs: Observations of all robots, (n, size).
             infos: Dictionary, key -> array (n, ...); docs/environment.md lists the keys.
         """
-        mask, fixed_command = arguments.parse_reset_options(options, self.num_envs)
+        mask, fixed_command, severities = arguments.parse_reset_options(options, self.num_envs)
+        moved_scenarios = self.moved_scenarios(severities, mask)
         self._schedule.reseed(seed, mask)
+        self._move(moved_scenarios)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._start_episodes(np.flatnonzero(mask), fixed_command)
         return self._observation.copy(), self._infos(self._zero_terms())

@@ -256,7 +256,7 @@ def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
 
 def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
     """Add the payload, a cube on top of the trunk that does not collide."""
-    moment = payload.mass * payload.edge**2 / 6
+    moment = payload.moment_of_inertia
     height = robot.trunk_centre[2] + (robot.trunk_size[2] + payload.edge) / 2
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,

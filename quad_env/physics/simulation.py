@@ -51,6 +51,7 @@ from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix,
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
+from quad_env.scenarios.episode import MovedProperties
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
@@ -300,6 +301,7 @@ class Simulation:
         force: Array | None = None,
         payload_position: Array | None = None,
         randomization: Sequence[RandomizationSample] = (),
+        properties: Sequence[MovedProperties] = (),
     ) -> None:
         """Start episodes: put robots into their initial states, with the lowest point on the ground.
 
@@ -311,6 +313,7 @@ class Simulation:
             force: Steady force on the trunk, world frame, (k, 2), N; None for no steady force.
             payload_position: Position of the payload, base frame, (k, 2), m; None for the centre of the trunk.
             randomization: Randomised parameters of the k episodes; empty if the scenario has no domain randomisation.
+            properties: Friction and payload of the k episodes; empty for those of the scenario.
         """
         self._check_process()
         self.batch.reset(env_ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -319,9 +322,22 @@ class Simulation:
         self.qpos[env_ids] = qpos
         self.qvel[env_ids] = rows[:, 5 + self.robot.num_joints :]
         self._reset_actuators(env_ids, randomization)
+        self._set_properties(env_ids, properties)
         self._reset_loads(env_ids, force, payload_position)
         self._place_on_ground(env_ids, qpos)
         self._reset_readings(env_ids)
+
+    def _set_properties(self, env_ids: EnvIndices, properties: Sequence[MovedProperties]) -> None:
+        """Write ground friction and payload of the k episodes into the models of the robots `env_ids`, (k,)."""
+        if not properties:
+            return
+        self._has_per_env_models = True
+        ground = slice(self.model.body_geomnum[0])
+        self.batch.expand("geom_friction")[env_ids, ground, 0] = [[entry.friction] for entry in properties]
+        if self._payload_position is not None:
+            payload = self.model.body(PAYLOAD).id
+            self.batch.expand("body_mass")[env_ids, payload] = [entry.payload_mass for entry in properties]
+            self.batch.expand("body_inertia")[env_ids, payload] = [[entry.payload_inertia] for entry in properties]
 
     def _check_process(self) -> None:
         """Raise RuntimeError if this process is a fork of the process that created the simulation threads.

@@ -134,6 +134,11 @@ class Payload(Settings):
     edge: Positive = 0.2
     """Edge length of the cube, which has uniform density, m"""
 
+    @property
+    def moment_of_inertia(self) -> float:
+        """Moment of inertia of the cube about each axis through its centre, kg·m²."""
+        return self.mass * self.edge**2 / 6
+
 
 @dataclass(frozen=True)
 class Latency(Settings):

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +45,17 @@ class PushPlan:
         return cast("Array", np.where(is_acting[..., None], self.force, 0.0).sum(axis=-2))
 
 
+class MovedProperties(NamedTuple):
+    """Properties of ground and payload in an episode whose severity differs from the scenario of the simulation."""
+
+    friction: float
+    """Friction coefficient of the ground."""
+    payload_mass: float
+    """Mass of the payload, kg; 0 without a payload."""
+    payload_inertia: float
+    """Moment of inertia of the payload about each of its axes, kg·m²."""
+
+
 class EpisodeSample:
     """Random draws of one episode: initial state, commands, disturbances and domain randomisation.
 
@@ -58,6 +69,7 @@ class EpisodeSample:
         dt: Control period, s.
 
     Attributes:
+        scenario: Scenario of the episode.
         streams: Random streams of the episode. The models of sensors and noise draw from them during the episode.
         start: Initial state (trunk pose, joint offsets, velocities) in the order that `draw_start` documents, (35,).
         pushes: Pushes on the trunk in the episode.
@@ -72,7 +84,7 @@ class EpisodeSample:
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, seed: int, number: int, dt: float) -> None:
-        self._scenario = scenario
+        self.scenario = scenario
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
         if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
@@ -110,7 +122,7 @@ class EpisodeSample:
         Returns:
             The new command, heading frame, (3,).
         """
-        ranges = self._scenario.commands
+        ranges = self.scenario.commands
         zero_draw, *unit_draws = self.streams.commands.random(4)
         low, high = np.transpose((ranges.forward, ranges.lateral, ranges.yaw_rate))
         is_zero = zero_draw < ranges.zero_fraction
@@ -124,7 +136,7 @@ class EpisodeSample:
 
     def next_interval(self, dt: float) -> int:
         """Draw the number of control steps until the next command, at least 1; `dt` is the control period, s."""
-        ranges = self._scenario.commands
+        ranges = self.scenario.commands
         if not ranges.random_intervals:
             return ranges.steps(dt)
         return control_steps(float(self.streams.commands.exponential(ranges.interval)), dt)
@@ -245,6 +257,17 @@ def stack_initial_conditions(
     positions = [episode.payload_position for episode in episodes if episode.payload_position is not None]
     randomised = [episode.randomised for episode in episodes if episode.randomised is not None]
     return starts, np.stack(forces) if forces else None, np.stack(positions) if positions else None, randomised
+
+
+def moved_properties(episodes: Sequence[EpisodeSample]) -> list[MovedProperties]:
+    """Return friction and payload of k episodes, which may differ in severity, for `Simulation.reset`."""
+    properties = []
+    for episode in episodes:
+        payload = episode.scenario.payload
+        mass = 0.0 if payload is None else payload.mass
+        inertia = 0.0 if payload is None else payload.moment_of_inertia
+        properties.append(MovedProperties(episode.friction, mass, inertia))
+    return properties
 
 
 def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:

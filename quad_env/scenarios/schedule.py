@@ -1,6 +1,6 @@
 """Schedule of the episodes of n robots: seeds, velocity commands, pushes and elapsed control steps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ class EpisodeSchedule:
 
     Args:
         robot: Robot of all episodes.
-        scenario: Scenario of all episodes.
+        scenario: Scenario of all episodes; `set_scenarios` changes it.
         num_envs: Number of robots.
         dt: Control period, s.
 
@@ -35,7 +35,7 @@ class EpisodeSchedule:
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
         self._robot = robot
-        self._scenario = scenario
+        self._scenarios = [scenario] * num_envs
         self._dt = dt
         self._seeds = fresh_seeds(num_envs)
         self._next_number = [0] * num_envs
@@ -70,6 +70,19 @@ class EpisodeSchedule:
                 self._seeds[i] = seeds[i]
                 self._next_number[i] = 0
 
+    @property
+    def severity(self) -> Array:
+        """Severity of the scenario of each robot's next episode, (n,)."""
+        return np.array([scenario.severity for scenario in self._scenarios])
+
+    def set_scenarios(self, scenarios: Mapping[int, Scenario]) -> None:
+        """Set the scenarios of the next episodes of some robots, index of the robot -> scenario.
+
+        Only settings that `quad_env.scenarios.severity` moves may differ from the scenario of the constructor.
+        """
+        for i, scenario in scenarios.items():
+            self._scenarios[i] = scenario
+
     def reset(self, env_ids: NDArray[np.intp], fixed_command: Array | None) -> list[EpisodeSample]:
         """Start the next episode of k robots.
 
@@ -82,7 +95,7 @@ class EpisodeSchedule:
             Random draws of the new episodes of the k robots.
         """
         for i in env_ids:
-            episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next_number[i], self._dt)
+            episode = EpisodeSample(self._robot, self._scenarios[i], self._seeds[i], self._next_number[i], self._dt)
             self._episodes[i] = episode
             self._next_number[i] += 1
             self.pushes.first_step[i] = episode.pushes.first_step

@@ -17,7 +17,7 @@ from quad_env.scenarios.disturbances import Delay
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
-from quad_env.sensing.sensor_models import Channel, Clock, Noise
+from quad_env.sensing.sensor_models import Channel, Clock, Noise, delay_to_steps
 from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
@@ -106,31 +106,40 @@ class Scanner:
 
     Args:
         scan: Grid, rate, delay and noise of the scan.
-        terrain: Ground that is scanned.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
-        latency: Delay that the scenario adds, s.
-        noise: Standard deviation of the noise that the scenario adds, m.
-        is_lost: True if the scan is lost: every point then reads `UNSEEN`, -2 m.
+        scenario: Scenario, which adds delay and noise; with `scan_lost`, every point reads `UNSEEN`, -2 m.
     """
 
     def __init__(
         self,
         scan: HeightScan,
-        terrain: Terrain,
         num_envs: int,
         control_rate: float,
-        latency: float,
-        noise: float,
-        is_lost: bool = False,
+        scenario: Scenario,
     ) -> None:
-        self._terrain = terrain
+        self._scan = scan
+        self._control_rate = control_rate
+        self._terrain = scenario.terrain
         self._points = scan.points
-        self._is_lost = is_lost
+        self._is_lost = scenario.scan_lost
         width = len(self._points)
-        std = float(np.hypot(scan.noise, noise))
-        self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
-        self._noise = Noise(num_envs, np.full(width, std, np.float32)) if std else None
+        std = self._noise_std(scenario)
+        self._channel = Channel(num_envs, width, scan.rate, self._delay(scenario), control_rate)
+        self._delay_steps = np.full(num_envs, self._channel.delay_steps)
+        """Delay of the scan of each robot, (n,), control steps."""
+        has_noise = std > 0 or scenario.noise is not None
+        self._noise = Noise(num_envs, np.full(width, std, np.float32)) if has_noise else None
+
+    def _noise_std(self, scenario: Scenario) -> float:
+        """Return the standard deviation of the noise of scan and `scenario` together, m."""
+        return float(np.hypot(self._scan.noise, 0.0 if scenario.noise is None else scenario.noise.height_scan))
+
+    def _delay(self, scenario: Scenario) -> float:
+        """Return the delay of the scan plus the latency of `scenario` in whole control steps, s."""
+        latency = scenario.latency
+        added_steps = 0 if latency is None else round(latency.observation * self._control_rate)
+        return self._scan.delay + added_steps / self._control_rate
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Restart the noise of the height scan for k robots that start a new episode.
@@ -139,9 +148,10 @@ class Scanner:
             env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
-        if self._noise is not None:
-            for env_index, episode in zip(env_ids, episodes, strict=True):
-                self._noise.reset(env_index, episode.streams.scan_noise)
+        for env_index, episode in zip(env_ids, episodes, strict=True):
+            self._delay_steps[env_index] = delay_to_steps(self._delay(episode.scenario), self._control_rate)
+            if self._noise is not None:
+                self._noise.reset(env_index, episode.streams.scan_noise, self._noise_std(episode.scenario))
 
     def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
         """Measure the ground if a sample is due, and return the newest sample that can be read after the delay.
@@ -160,7 +170,7 @@ class Scanner:
         if len(due):
             sample = self._sample(state, clock[due], env_ids[due], due)
             self._channel.record(sample, clock[due], env_ids[due])
-        return self._channel.value(clock, env_ids).astype(np.float32)
+        return self._channel.value(clock, env_ids, self._delay_steps[env_ids]).astype(np.float32)
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
         """Return the ground heights at p grid points of k robots relative to the trunk's centre, (k, p), m.
@@ -217,7 +227,4 @@ def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, con
         return None
     if not isinstance(scan, HeightScan):
         raise ValueError(f"height_scan is a quad_env.HeightScan or None, got {scan!r}; write quad_env.HeightScan(…)")
-    delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation * control_rate)
-    noise = 0.0 if scenario.noise is None else scenario.noise.height_scan
-    latency = delay_steps / control_rate
-    return Scanner(scan, scenario.terrain, num_envs, control_rate, latency, noise, scenario.scan_lost)
+    return Scanner(scan, num_envs, control_rate, scenario)

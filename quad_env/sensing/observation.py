@@ -11,6 +11,7 @@ from quad_env.physics.probe import IdealSensors
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
+from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.estimator import AlignedReadings
@@ -37,8 +38,12 @@ class ObservationDisturbance:
         self._bound = table.bound[table.sensed]
         self._joints = table.slices["joint_position"]
         self._offset = np.zeros((num_envs, robot.num_joints), np.float32) if has_encoder_offset else None
-        self._noise = _observation_noise(table, scenario, num_envs)
+        self._table = table
+        self._dt = dt
+        self._noise = None if scenario.noise is None else Noise(num_envs, _noise_std(table, scenario.noise))
         delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
+        self._delay_steps = np.full(num_envs, delay_steps)
+        """Delay of the observation of each robot, (n,), control steps."""
         self._delayed = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
@@ -48,9 +53,12 @@ class ObservationDisturbance:
             env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
-        if self._noise is not None:
-            for env_index, episode in zip(env_ids, episodes, strict=True):
-                self._noise.reset(env_index, episode.streams.noise)
+        for env_index, episode in zip(env_ids, episodes, strict=True):
+            if self._noise is not None and episode.scenario.noise is not None:
+                std = _noise_std(self._table, episode.scenario.noise)
+                self._noise.reset(env_index, episode.streams.noise, std)
+            if (latency := episode.scenario.latency) is not None:
+                self._delay_steps[env_index] = round(latency.observation / self._dt)
         if self._offset is not None:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
@@ -70,21 +78,15 @@ class ObservationDisturbance:
             np.clip(sensed, -self._bound, self._bound, out=sensed)
         if self._delayed is not None:
             self._delayed.record(sensed, clock, env_ids)
-            sensed[:] = self._delayed.value(clock, env_ids)
+            sensed[:] = self._delayed.value(clock, env_ids, self._delay_steps[env_ids])
 
 
-def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: int) -> Noise | None:
-    """Create the white noise of the observation terms that sensors measure.
-
-    None is returned if the `scenario` has no noise. `table` is the layout of the observation, and `num_envs` the number
-    of robots.
-    """
-    if scenario.noise is None:
-        return None
+def _noise_std(table: ObservationTable, noise: SensorNoise) -> NDArray[np.float32]:
+    """Return the standard deviation of each observation component that sensors measure, (width,)."""
     std = np.zeros(table.sensed.stop, np.float32)
-    for term, term_std in scenario.noise.deviations.items():
+    for term, term_std in noise.deviations.items():
         std[table.slices[term]] = term_std
-    return Noise(num_envs, std)
+    return std
 
 
 class TrueStateObservation:

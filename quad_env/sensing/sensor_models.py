@@ -29,11 +29,11 @@ class Noise:
 
     Args:
         num_envs: Number of robots.
-        std: Standard deviation of each component of a sample, (width,).
+        std: Standard deviation of each component of a sample, (width,); `reset` may change it for a robot.
     """
 
     def __init__(self, num_envs: int, std: NDArray[np.float32]) -> None:
-        self._std = std
+        self._std = np.tile(std, (num_envs, 1))
         self._noise = np.zeros((num_envs, BLOCK, len(std)), np.float32)
         self._block = np.full(num_envs, -1)
         """Number of the block of control steps that `_noise` contains, for each of n robots, (n,).
@@ -43,8 +43,18 @@ class Noise:
         """
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
-    def reset(self, env_index: int, stream: np.random.Generator) -> None:
-        """Start an episode of the robot with index `env_index`, with noise from the random stream `stream`."""
+    def reset(
+        self, env_index: int, stream: np.random.Generator, std: NDArray[np.float32] | float | None = None
+    ) -> None:
+        """Start an episode of a robot.
+
+        Args:
+            env_index: Index of the robot.
+            stream: Random stream of the noise.
+            std: Standard deviation of each component of a sample, (width,); None keeps the present one.
+        """
+        if std is not None:
+            self._std[env_index] = std
         self._block[env_index] = -1
         self._streams[env_index] = stream
 
@@ -65,7 +75,7 @@ class Noise:
             stream = self._streams[env_index]
             assert stream is not None
             stream.standard_normal(out=noise, dtype=np.float32)
-            noise *= self._std
+            noise *= self._std[env_index]
         self._block[env_ids] = block
         return self._noise[env_ids, clock % BLOCK]
 
@@ -122,7 +132,7 @@ class Channel:
         if is_first.any():
             self._samples[:, env_ids[is_first]] = values[is_first]
 
-    def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
+    def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | Clock | None = None) -> Array:
         """Return the newest sample that is at least `delay_steps` control steps old.
 
         If no sample has this age yet, the result is the first sample of the episode.
@@ -130,7 +140,7 @@ class Channel:
         Args:
             clock: Number of control steps since the start of the episode, for each of k robots, (k,).
             env_ids: Indices of the k robots, (k,).
-            delay_steps: Minimum age of the sample, control steps; None for the sensor's delay.
+            delay_steps: Minimum age of the sample, control steps, one number or (k,); None for the sensor's delay.
 
         Returns:
             Sample, (k, width).
@@ -178,14 +188,15 @@ class Channel:
         """Time between two samples of the sensor, s."""
         return self.period / self._control_rate
 
-    def _sample_index(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
+    def _sample_index(self, clock: Clock, delay_steps: int | Clock | None) -> NDArray[np.int64]:
         """Return the number of each robot's newest sample that is at least `delay_steps` old, (k,).
 
         The first sample of an episode has the number 0. `clock` is the number of control steps since the start of the
         episode, for each of k robots, (k,). If `delay_steps` is None, the delay of the sensor is used.
         """
         age = self.delay_steps if delay_steps is None else delay_steps
-        return np.maximum((clock - age) // self.period, 0)
+        index: NDArray[np.int64] = np.maximum((clock - age) // self.period, 0)
+        return index
 
 
 def delay_to_steps(delay: float, control_rate: float) -> int:

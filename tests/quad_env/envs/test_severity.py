@@ -1,0 +1,154 @@
+"""An episode at a severity equals the episode of a scenario that was made at this severity."""
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import quad_env
+from tests.quad_env.envs.test_parts_of_a_batch import SCAN, actions, assert_alike, seen
+
+MOVES: dict[str, tuple[str, list[float]]] = {
+    "flat": ("flat=1.5", [0.5, 1.5, 3.0]),
+    "slow": ("slow=0.2", [0.05, 0.2, 0.7]),
+    "push": ("push=35", [0.0, 35.0, 90.0]),
+    "force": ("force=40", [0.0, 40.0, 90.0]),
+    "slippery": ("slippery=0.4", [0.05, 0.4, 0.9]),
+    "payload": ("payload=5", [1.0, 5.0, 40.0]),
+    "latency": ("latency=0.08", [0.0, 0.03, 0.08]),
+    "noise": ("noise=0.2", [0.0, 0.2, 1.1]),
+    "dropout": ("dropout=0.4", [0.1, 0.4, 1.5]),
+    "randomised": ("slippery=0.4+randomised", [0.05, 0.4, 0.9]),
+    "loaded": ("payload=5+randomised", [1.0, 5.0, 40.0]),
+    "hardware": ("push=35+hardware", [0.0, 35.0, 90.0]),
+}
+FIXED = {"rough": 0.2, "slope": 10.0, "stairs": 0.2, "gravel": 0.1, "soft": 0.01, "weak_motors": 30.0, "surprise": 2.0}
+SEEDS = [4, 9, 2]
+EARLY = (0.0, 0.9)
+
+
+def early(name: str) -> quad_env.Scenario:
+    """Return the scenario with pushes and dropouts in the first steps."""
+    scenario = quad_env.scenario(name)
+    pushes, dropouts = scenario.pushes, scenario.dropouts
+    return replace(
+        scenario,
+        pushes=pushes and replace(pushes, window=EARLY, duration=0.2),
+        dropouts=dropouts and replace(dropouts, window=(0.0, 8.0)),
+        commands=replace(scenario.commands, interval=0.1),
+    )
+
+
+def make(scenario: Any, num_envs: int = 3, **options: Any) -> Any:
+    return gym.make_vec("quad_env:SimpleQuad-v0", num_envs=num_envs, scenario=scenario, **options)
+
+
+def at(name: str, severity: float) -> str:
+    """Return the name of a scenario with another severity."""
+    axis, _, rest = name.partition("=")
+    suffix = "".join(rest.partition("+")[1:])
+    return f"{axis}={severity}{suffix}"
+
+
+@pytest.mark.parametrize("case", MOVES)
+def test_an_episode_equals_that_of_a_scenario_made_at_the_severity(case: str) -> None:
+    name, severities = MOVES[case]
+    options: dict[str, Any] = {"height_scan": SCAN, "readings": True, "autoreset_mode": "DISABLED"}
+    env = make(early(name), **options)
+    env.reset(seed=77)
+    env.step(actions(0, 3))
+    result = env.reset(seed=SEEDS, options={"severity": severities})
+    alone = [make(early(at(name, severity)), 1, **options) for severity in severities]
+    for robot, own in enumerate(alone):
+        np.testing.assert_array_equal(result[0][robot], own.reset(seed=[SEEDS[robot]])[0][0])
+    plain = make(early(name), **options)
+    plain.reset(seed=SEEDS)
+    differs = np.zeros(3, bool)
+    for step in range(60):
+        result = env.step(actions(step, 3))
+        unmoved = plain.step(actions(step, 3))
+        differs |= (result[0] != unmoved[0]).any(axis=1)
+        for robot, own in enumerate(alone):
+            expected = seen(own.step(actions(step, 3)[[robot]]), 0)
+            assert_alike(seen(result, robot), expected, f"of {case}={severities[robot]} in {step}")
+    made_at = severities.index(quad_env.scenario(name).severity)
+    assert differs.tolist() == [robot != made_at for robot in range(3)]
+
+
+def test_a_severity_stays_until_another_is_given_and_nan_keeps_it() -> None:
+    env, twin = make("push"), make("push")
+    env.reset(seed=1, options={"severity": [10.0, 20.0, 30.0]})
+    assert env.severity.tolist() == [10.0, 20.0, 30.0]
+    env.reset(options={"severity": [np.nan, 70.0, 80.0], "reset_mask": np.array([True, True, False])})
+    assert env.severity.tolist() == [10.0, 70.0, 30.0]
+    env.reset()
+    twin.reset(seed=1)
+    twin.reset()
+    np.testing.assert_allclose(np.linalg.norm(env.pushes.force, axis=2)[:, 0], env.severity / 0.1)
+    assert twin.severity.tolist() == [35.0] * 3
+    env.reset(options={"severity": 35.0})
+    assert env.severity.tolist() == [35.0] * 3
+
+
+def test_a_single_environment_moves_too() -> None:
+    env, made = (gym.make("quad_env:SimpleQuad-v0", scenario=f"slippery={friction}") for friction in (0.4, 0.05))
+    env.reset(seed=3, options={"severity": 0.05})
+    made.reset(seed=3)
+    for step in range(20):
+        one, other = (each.step(actions(step, 1)[0]) for each in (env, made))
+        np.testing.assert_array_equal(one[0], other[0])
+    ground = env.unwrapped.model.geom_bodyid == 0
+    assert (env.unwrapped.model.geom_friction[ground, 0] == 0.05).all()
+
+
+def test_groups_take_the_severity_of_each_robot() -> None:
+    env = make(["push", "steady"], 4)
+    env.reset(seed=0, options={"severity": [5.0, 6.0, np.nan, np.nan]})
+    assert env.severity.tolist() == [5.0, 6.0, 0.0, 0.0]
+    before = env.true_observation()
+    with pytest.raises(ValueError, match="steady has no axis to move"):
+        env.reset(seed=0, options={"severity": 5.0})
+    np.testing.assert_array_equal(env.true_observation(), before)
+
+
+def test_a_copy_keeps_the_severities() -> None:
+    env = make("payload")
+    env.reset(seed=0, options={"severity": [1.0, 20.0, 3.0]})
+    twin = copy.deepcopy(env)
+    np.testing.assert_array_equal(twin.reset()[0], env.reset()[0])
+    np.testing.assert_array_equal(twin.step(actions(0, 3))[0], env.step(actions(0, 3))[0])
+
+
+@pytest.mark.parametrize("axis", FIXED)
+def test_what_cannot_be_moved_is_refused_by_the_name_of_its_axis(axis: str) -> None:
+    env = make(axis)
+    env.reset(seed=0)
+    before = env.true_observation()
+    with pytest.raises(ValueError, match=rf"^options\['severity'\]: {axis} cannot be moved, .*; valid: .*{axis}.*$"):
+        env.reset(seed=9, options={"severity": FIXED[axis]})
+    np.testing.assert_array_equal(env.true_observation(), before)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "severity", "message"),
+    [
+        ("steady", 1.0, "steady has no axis to move"),
+        ("latency=0.02", 0.04, "latency was made for 0.02 s, got 0.04; valid: up to 0.02, or .*latency=0.04"),
+        ("payload", 0.0, "payload=0 does not exist"),
+        ("push", -1.0, "a number from 0 to 1e"),
+        ("push", [1.0, 2.0], r"shape \(2,\)"),
+        ("push", "hard", "got 'hard'"),
+    ],
+)
+def test_a_wrong_severity_is_refused_in_one_line(scenario: str, severity: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=rf"^options\['severity'\].*{message}") as caught:
+        make(scenario).reset(options={"severity": severity})
+    assert "\n" not in str(caught.value)
+
+
+def test_an_assigned_severity_is_refused_with_the_call_that_takes_it() -> None:
+    with pytest.raises(AttributeError, match=r'severity: .*; valid: reset\(options=\{"severity": \.\.\.\}\)'):
+        make("push").severity = 3.0
