@@ -287,12 +287,9 @@ class QuadEnvBase:
         """
         if severities is None:
             return {}
-        features = self.simulation.batch.features
+        has_model_fields = self.simulation.batch.features.package is None  # only MuJoCo itself was compared
         moving = np.flatnonzero(mask & ~np.isnan(severities))
-        return {
-            int(i): at_severity(self.scenario, float(severities[i]), self.robot, features.per_env_models)
-            for i in moving
-        }
+        return {int(i): at_severity(self.scenario, float(severities[i]), self.robot, has_model_fields) for i in moving}
 
     def _move(self, scenarios: dict[int, Scenario]) -> None:
         """Set the scenarios of some robots for their next episodes, index of the robot -> scenario."""

@@ -313,7 +313,7 @@ class Simulation:
             force: Steady force on the trunk, world frame, (k, 2), N; None for no steady force.
             payload_position: Position of the payload, base frame, (k, 2), m; None for the centre of the trunk.
             randomization: Randomised parameters of the k episodes; empty if the scenario has no domain randomisation.
-            properties: Friction and payload of the k episodes; empty for those of the scenario.
+            properties: Friction and payload of the k episodes; empty to keep the values of the models.
         """
         self._check_process()
         self.batch.reset(env_ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)

@@ -46,7 +46,7 @@ class PushPlan:
 
 
 class MovedProperties(NamedTuple):
-    """Properties of ground and payload in an episode whose severity differs from the scenario of the simulation."""
+    """Properties of ground and payload in an episode that may differ in severity from other episodes."""
 
     friction: float
     """Friction coefficient of the ground."""

@@ -20,7 +20,7 @@ PER_EPISODE = frozenset(
         "dropouts.duration",
     )
 )
-"""Settings of a scenario that every episode reads anew."""
+"""Settings of a scenario that every episode reads."""
 PER_MODEL = frozenset(("ground.friction", "payload.mass"))
 """Settings of a scenario that become fields of a robot's own MuJoCo model."""
 UP_TO_MADE = frozenset(("latency.action", "latency.observation"))

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import quad_env
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.severity import at_severity
 from tests.quad_env.envs.test_parts_of_a_batch import SCAN, actions, assert_alike, seen
 
 MOVES: dict[str, tuple[str, list[float]]] = {
@@ -94,14 +96,14 @@ def test_a_severity_stays_until_another_is_given_and_nan_keeps_it() -> None:
 
 
 def test_a_single_environment_moves_too() -> None:
-    env, made = (gym.make("quad_env:SimpleQuad-v0", scenario=f"slippery={friction}") for friction in (0.4, 0.05))
+    env: Any = gym.make("quad_env:SimpleQuad-v0", scenario="slippery=0.4").unwrapped
+    made = gym.make("quad_env:SimpleQuad-v0", scenario="slippery=0.05")
     env.reset(seed=3, options={"severity": 0.05})
     made.reset(seed=3)
     for step in range(20):
-        one, other = (each.step(actions(step, 1)[0]) for each in (env, made))
-        np.testing.assert_array_equal(one[0], other[0])
-    ground = env.unwrapped.model.geom_bodyid == 0
-    assert (env.unwrapped.model.geom_friction[ground, 0] == 0.05).all()
+        np.testing.assert_array_equal(env.step(actions(step, 1)[0])[0], made.step(actions(step, 1)[0])[0])
+    ground = env.model.geom_bodyid == 0
+    assert (env.model.geom_friction[ground, 0] == 0.05).all()
 
 
 def test_groups_take_the_severity_of_each_robot() -> None:
@@ -130,6 +132,19 @@ def test_what_cannot_be_moved_is_refused_by_the_name_of_its_axis(axis: str) -> N
     with pytest.raises(ValueError, match=rf"^options\['severity'\]: {axis} cannot be moved, .*; valid: .*{axis}.*$"):
         env.reset(seed=9, options={"severity": FIXED[axis]})
     np.testing.assert_array_equal(env.true_observation(), before)
+
+
+@pytest.mark.parametrize("axis", ["slippery", "payload"])
+def test_a_simulator_without_models_of_each_robot_refuses_what_needs_them(axis: str) -> None:
+    with pytest.raises(ValueError, match=f"{axis} cannot be moved"):
+        at_severity(quad_env.scenario(axis), 0.7, SIMPLE_QUAD, per_robot_models=False)
+    assert at_severity(quad_env.scenario("push"), 0.7, SIMPLE_QUAD, per_robot_models=False).severity == 0.7
+
+
+def test_changes_of_ones_own_stay() -> None:
+    own = replace(quad_env.scenario("push"), pushes=quad_env.Pushes(count=4, impulse=35.0), kicks=quad_env.Kicks())
+    expected = replace(own, severity=60.0, pushes=quad_env.Pushes(count=4, impulse=60.0))
+    assert at_severity(own, 60.0, SIMPLE_QUAD) == expected
 
 
 @pytest.mark.parametrize(
