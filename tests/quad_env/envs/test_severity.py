@@ -22,7 +22,7 @@ MOVES: dict[str, tuple[str, list[float]]] = {
     "payload": ("payload=5", [1.0, 5.0, 40.0]),
     "latency": ("latency=0.08", [0.0, 0.03, 0.08]),
     "noise": ("noise=0.2", [0.0, 0.2, 1.1]),
-    "dropout": ("dropout=0.4", [0.1, 0.4, 1.5]),
+    "dropout": ("dropout=0.2", [0.05, 0.2, 0.3]),
     "randomised": ("slippery=0.4+randomised", [0.05, 0.4, 0.9]),
     "loaded": ("payload=5+randomised", [1.0, 5.0, 40.0]),
     "hardware": ("push=35+hardware", [0.0, 35.0, 90.0]),
@@ -39,7 +39,7 @@ def early(name: str) -> quad_env.Scenario:
     return replace(
         scenario,
         pushes=pushes and replace(pushes, window=EARLY, duration=0.2),
-        dropouts=dropouts and replace(dropouts, window=(0.0, 8.0)),
+        dropouts=dropouts and replace(dropouts, window=(0.0, 1.4)),
         commands=replace(scenario.commands, interval=0.1),
     )
 
