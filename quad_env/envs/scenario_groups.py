@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array, Mask
 from quad_env.envs import arguments
 from quad_env.envs.attributes import check_settable
-from quad_env.envs.base import EnvKwargs, make_robot
+from quad_env.envs.base import EnvKwargs, EnvOptions, make_robot
 from quad_env.envs.combined_env import CombinedVectorEnv
 from quad_env.envs.vector_env import RENDER_MODES, Infos, Observation, SimpleQuadVectorEnv
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 
 
@@ -27,15 +26,20 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
     numbers, bit for bit, as `SimpleQuadVectorEnv` of its scenario alone with the same seeds. An info that only some
     scenarios have, such as a sensor reading, is zero for the other robots, and its mask `_<key>` is False for them.
 
+    All arguments except `scenario` hold for all groups, and `SimpleQuadVectorEnv` describes them. ValueError is raised
+    for an invalid argument.
+
     Args:
         num_envs: Number of robots, a multiple of the number of scenarios.
         scenario: Scenario of each group: names, or `quad_env.Scenario`. A repeated scenario gets more robots.
         nthread: Number of simulation threads; the results do not depend on this number.
-        **options: Further arguments of `SimpleQuadVectorEnv`, the same for all groups. Servo gains that differ between
-            robots have a row for each of the n robots.
-
-    Raises:
-        ValueError: An argument is invalid.
+        autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`.
+        max_episode_steps: Time limit in control steps; None or -1 for no limit.
+        terminate_on_fall: True if a fall ends the episode.
+        render_mode: None, or "rgb_array"; `render` then returns one frame per robot.
+        readings: True to add the measurements of `quad_env.task.readings` to the infos.
+        **parts: Keyword arguments that configure the robot and the task. Servo gains that differ between robots have a
+            row for each of the n robots.
 
     Attributes:
         batches: Vector environment of each group.
@@ -59,8 +63,8 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         **parts: Unpack[EnvKwargs],
     ) -> None:
         size = _group_size(num_envs, scenario)
-        servo = parts.pop("servo", None)
-        robot, gains = make_robot(parts.get("robot", SIMPLE_QUAD), servo, num_envs)
+        options = EnvOptions(**parts)
+        robot, gains = make_robot(options.robot, options.servo, num_envs)
         make = partial(
             SimpleQuadVectorEnv,
             size,
@@ -75,7 +79,8 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         batches = []
         for number, entry in enumerate(scenario):
             rows = slice(number * size, (number + 1) * size)
-            batches.append(make(scenario=entry, servo=servo if gains is None else tuple(gains[:, rows])))
+            servo = options.servo if gains is None else tuple(gains[:, rows])
+            batches.append(make(scenario=entry, servo=servo))
         super().__init__(batches)
         self.robot = robot
         self.config = batches[0].config
