@@ -42,6 +42,7 @@ from quad_env.scenarios.registry import SCENARIOS as SCENARIOS
 from quad_env.scenarios.registry import scenario as scenario
 from quad_env.scenarios.scenario import Scenario as Scenario
 from quad_env.scenarios.terrain import Flat as Flat
+from quad_env.scenarios.terrain import GradedRandom as GradedRandom
 from quad_env.scenarios.terrain import HeightField as HeightField
 from quad_env.scenarios.terrain import Slope as Slope
 from quad_env.scenarios.terrain import SmoothRandom as SmoothRandom

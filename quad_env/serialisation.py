@@ -22,7 +22,7 @@ from quad_env.scenarios.disturbances import (
 )
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
+from quad_env.scenarios.terrain import Flat, GradedRandom, HeightField, Slope, SmoothRandom, Stairs
 from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
@@ -32,7 +32,7 @@ _TYPE_BY_NAME: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
-        *(Flat, Slope, SmoothRandom, Stairs, HeightField),
+        *(Flat, Slope, SmoothRandom, GradedRandom, Stairs, HeightField),
         *(Dropouts, Ground, Kicks, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce, DomainRandomisation),
         *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),

@@ -13,7 +13,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Dropouts, Kicks, Pushes, SteadyForce
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import HeightField
+from quad_env.scenarios.terrain import GradedRandom, HeightField
 from quad_env.seeding import EpisodeStreams
 
 
@@ -87,8 +87,11 @@ class EpisodeSample:
         self.scenario = scenario
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
-        if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
+        terrain = scenario.terrain
+        if isinstance(terrain, HeightField) and terrain.start is not None:
             self.start[:2] += terrain.start
+        elif isinstance(terrain, GradedRandom):
+            self.start[0] = terrain.start_x
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
         if scenario.kicks is not None:
             self.pushes = _add_kicks(self.pushes, scenario.kicks, robot.mass, self.streams.pushes, dt)

@@ -21,7 +21,7 @@ from quad_env.scenarios.disturbances import (
     SteadyForce,
 )
 from quad_env.scenarios.randomisation import DomainRandomisation
-from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
+from quad_env.scenarios.terrain import Flat, GradedRandom, SmoothRandom, Stairs, Terrain
 
 HARDWARE = "+hardware"
 """Suffix of scenario names: the robot has realistic motors, delays, sensors and estimator (hardware profile)."""
@@ -199,6 +199,8 @@ def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):
-        names = ("peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell")
+        names = ["peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell"]
+        if isinstance(terrain, GradedRandom):
+            names += ["max_peak_to_valley", "ramp"]
         return replace(terrain, **{name: factor * getattr(terrain, name) for name in names})
     return terrain

@@ -6,6 +6,7 @@ from typing import Any
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.axes import known_axes
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import GradedRandom
 
 OPTION = "options['severity']"
 """Name of the option of `reset`, for error messages."""
@@ -23,6 +24,8 @@ PER_EPISODE = frozenset(
 """Settings of a scenario that every episode reads."""
 PER_MODEL = frozenset(("ground.friction", "payload.mass"))
 """Settings of a scenario that become fields of a robot's own MuJoCo model."""
+IN_ONE_FIELD = frozenset(("terrain.peak_to_valley",))
+"""Settings that select the place of start on a height field of all severities."""
 UP_TO_MADE = frozenset(("latency.action", "latency.observation"))
 """Settings that may be reduced; buffers have the length for the value of the scenario."""
 
@@ -54,11 +57,12 @@ def at_severity(scenario: Scenario, severity: float, robot: Robot, per_robot_mod
     except ValueError as error:
         raise ValueError(f"{OPTION}: {axis.name}={severity:g} does not exist ({error})") from None
     changed = _changed_settings(scenario, moved)
-    movable = PER_EPISODE | UP_TO_MADE | (PER_MODEL if per_robot_models else frozenset())
+    movable = _movable_settings(scenario, per_robot_models)
     if fixed := [path for path in changed if path not in movable]:
+        graded = ", or terrain.graded(max_peak_to_valley)" if IN_ONE_FIELD.issuperset(fixed) else ""
         raise ValueError(
             f"{OPTION}: {axis.name} cannot be moved, {' and '.join(fixed)} is fixed when the environment is made, "
-            f"got {severity:g}; valid: gym.make_vec(..., scenario=[...]) with {axis.name} at each severity"
+            f"got {severity:g}; valid: gym.make_vec(..., scenario=[...]) with {axis.name} at each severity{graded}"
         )
     if severity > scenario.severity and any(path in UP_TO_MADE for path in changed):
         raise ValueError(
@@ -68,13 +72,23 @@ def at_severity(scenario: Scenario, severity: float, robot: Robot, per_robot_mod
     return replace(moved, severity=severity)
 
 
+def _movable_settings(scenario: Scenario, per_robot_models: bool) -> frozenset[str]:
+    """Return the settings that a reset may change; friction and payload only if `per_robot_models` is True."""
+    movable = PER_EPISODE | UP_TO_MADE
+    if per_robot_models:
+        movable |= PER_MODEL
+    if isinstance(scenario.terrain, GradedRandom):
+        movable |= IN_ONE_FIELD
+    return movable
+
+
 def _moved(value: Any, before: Any, after: Any) -> Any:
     """Return `value` with the difference from `before` to `after`, in the fields of dataclasses that differ."""
     if before == after:
         return value
-    if not is_dataclass(value) or not type(value) is type(before) is type(after):
+    if not is_dataclass(value) or not isinstance(value, type(before)) or type(before) is not type(after):
         return after
-    differing = [field.name for field in fields(value) if getattr(before, field.name) != getattr(after, field.name)]
+    differing = [field.name for field in fields(before) if getattr(before, field.name) != getattr(after, field.name)]
     return replace(
         value,  # type: ignore[type-var]
         **{name: _moved(getattr(value, name), getattr(before, name), getattr(after, name)) for name in differing},

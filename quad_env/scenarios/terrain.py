@@ -2,7 +2,7 @@
 
 import math
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -19,6 +19,8 @@ Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_in
 """Type of a setting that is a positive length of at most 1000 km, m."""
 MIN_START_CLEARANCE = 0.7
 """Radius around the trunk's centre in which the ground must be level if a robot starts on stairs, m."""
+MAX_GRID_POINTS = 4001
+"""Maximum number of grid points of random ground along each side."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +190,9 @@ class SmoothRandom(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.spawn_radius > self.half_size or not 2 <= self.points <= 4001:
-            raise ValueError(f"a surface has its spawn_radius inside its half_size, and 2 to 4001 points, got {self}")
+        if self.spawn_radius > self.half_size or not 2 <= self.points <= MAX_GRID_POINTS:
+            valid = f"its spawn_radius inside its half_size, and 2 to {MAX_GRID_POINTS} points"
+            raise ValueError(f"a surface has {valid}, got {self}")
 
     @property
     def points(self) -> int:
@@ -207,8 +210,13 @@ class SmoothRandom(Settings):
 
         Fields that differ only in `peak_to_valley` share one array of normalized heights in memory.
         """
-        normalized = _normalized_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
+        normalized = _normalized_surface((self.points, self.points), self._kernel_width, self.seed)
         return Heights(normalized, 0.0, self.peak_to_valley)
+
+    @property
+    def _kernel_width(self) -> float:
+        """Standard deviation of the Gaussian kernel that smooths the noise, in grid cells."""
+        return self.correlation_length / 2 / self.cell
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Return the ground height at a point.
@@ -222,10 +230,12 @@ class SmoothRandom(Settings):
         Returns:
             Ground height, world frame, m; 0 outside the field.
         """
-        column = (x + self.half_size) / self.cell
-        row = (y + self.half_size) / self.cell
-        surface = _interpolate_height(self.heights.normalized, self.peak_to_valley, column, row)
-        inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
+        normalized, _, span = self.heights
+        half_x, half_y = self.half
+        column = (x + half_x) / self.cell
+        row = (y + half_y) / self.cell
+        surface = _interpolate_height(normalized, span, column, row)
+        inside = (abs(x) <= half_x) & (abs(y) <= half_y)
         return cast("ScalarOrBatch", where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
@@ -243,6 +253,72 @@ class SmoothRandom(Settings):
             Height of the ball's centre, world frame, (n,), m.
         """
         return self.height(x, y) + radius if self.cell > 2 * radius else _highest_touching(self, x, y, radius)
+
+    def graded(self, max_peak_to_valley: float, ramp: float = 64.0) -> "GradedRandom":
+        """Return ground like this one with heights that grow along x, so that a reset can change the severity.
+
+        Args:
+            max_peak_to_valley: Range of heights at the rough end, and largest severity, m.
+            ramp: Length along x over which the range grows from 0 to the maximum, m.
+
+        Returns:
+            The graded ground; an episode starts where its range of heights is `peak_to_valley`.
+        """
+        settings = {entry.name: getattr(self, entry.name) for entry in fields(SmoothRandom)}
+        return GradedRandom(**settings, max_peak_to_valley=max_peak_to_valley, ramp=ramp)
+
+
+@dataclass(frozen=True)
+class GradedRandom(SmoothRandom):
+    """Random uneven ground with a range of heights that grows linearly along x, from 0 to a maximum.
+
+    An episode starts where the range of heights is `peak_to_valley`. Robots of a batch share the field, and each may
+    have its own `peak_to_valley`. The start position is drawn along y alone. `half_size` is half of the field's side
+    along y. Along x, the field has a margin of `half_size` - `spawn_radius` at both ends of the ramp.
+    """
+
+    max_peak_to_valley: Length = 0.5
+    """Range of heights at the rough end of the ramp, m"""
+    ramp: Length = 64.0
+    """Length along x over which the range of heights grows from 0 to `max_peak_to_valley`, m"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.peak_to_valley > self.max_peak_to_valley:
+            raise ValueError(
+                f"GradedRandom.peak_to_valley: more than max_peak_to_valley, got {self.peak_to_valley:g}; "
+                f"valid: up to {self.max_peak_to_valley:g}"
+            )
+        if self.columns > MAX_GRID_POINTS:
+            raise ValueError(
+                f"GradedRandom.ramp: {self.columns} grid points along x, got {self.ramp:g} m with cells of "
+                f"{self.cell:g} m; valid: up to {MAX_GRID_POINTS} grid points"
+            )
+
+    @property
+    def columns(self) -> int:
+        """Number of grid points along x."""
+        return round((self.ramp + 2 * (self.half_size - self.spawn_radius)) / self.cell) + 1
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half of the field's side lengths along x and along y, m."""
+        return (self.columns - 1) * self.cell / 2, self.half_size
+
+    @property
+    def start_x(self) -> float:
+        """X coordinate at which the range of heights is `peak_to_valley`, world frame, m."""
+        return self.ramp * (self.peak_to_valley / self.max_peak_to_valley - 0.5)
+
+    @property
+    def heights(self) -> Heights:
+        """Heights of all grid points of the field: a normalized array, (points, columns), with its scale in m.
+
+        Fields that differ only in `peak_to_valley` have the same heights.
+        """
+        shape = self.points, self.columns
+        normalized = _graded_surface(shape, self._kernel_width, self.seed, self.ramp / self.cell)
+        return Heights(normalized, 0.0, self.max_peak_to_valley)
 
 
 @dataclass(frozen=True)
@@ -411,31 +487,57 @@ def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, r
 
 
 @lru_cache(maxsize=16)
-def _normalized_surface(points: int, width: float, seed: int) -> Array:
-    """Generate a smooth random surface with uniformly distributed heights from 0 to 1, (points, points).
+def _normalized_surface(shape: tuple[int, int], width: float, seed: int) -> Array:
+    """Generate a smooth random surface with uniformly distributed heights from 0 to 1, (rows, columns).
 
     White noise that is convolved with exp(-2 r²/l²) has the autocorrelation exp(-r²/l²), with the distance r and the
     correlation length l. Then `ndtr`, the cumulative normal distribution function, makes the distribution of the
     heights uniform.
 
     Args:
-        points: Number of grid points along each side.
+        shape: Number of grid points along y and along x.
         width: Standard deviation of the Gaussian kernel, in grid cells: half of the correlation length l.
         seed: Seed of the noise.
 
     Returns:
-        Heights from 0 to 1, dimensionless, a read-only array, (points, points).
+        Heights from 0 to 1, dimensionless, a read-only array, (rows, columns).
     """
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
 
-    noise = np.random.default_rng(seed).normal(size=(points, points))
+    noise = np.random.default_rng(seed).normal(size=shape)
     smooth = gaussian_filter(noise, width, mode="wrap")
     unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
-    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision, and the
-    # computed ground heights must equal MuJoCo's.
-    grid: Array = unit.astype(np.float32).astype(np.float64)
+    return _in_single_precision(unit)
+
+
+@lru_cache(maxsize=4)
+def _graded_surface(shape: tuple[int, int], width: float, seed: int, ramp: float) -> Array:
+    """Generate a smooth random surface with a range of heights that grows along x, from 0 to 1.
+
+    Args:
+        shape: Number of grid points along y and along x.
+        width: Standard deviation of the Gaussian kernel, in grid cells.
+        seed: Seed of the noise.
+        ramp: Length of the ramp, in grid cells. The middle of the ramp is the middle of the field.
+
+    Returns:
+        Heights from 0 to 1, dimensionless, a read-only array, (rows, columns).
+    """
+    columns = np.arange(shape[1]) - (shape[1] - 1) / 2
+    height_range = np.clip(columns / ramp + 0.5, 0.0, 1.0)
+    surface = height_range * _normalized_surface(shape, width, seed)
+    # The highest point is 1, because MuJoCo divides the heights by the highest one.
+    return _in_single_precision(surface / surface.max())
+
+
+def _in_single_precision(heights: Array) -> Array:
+    """Round heights to single precision, and return them as a read-only array in double precision.
+
+    MuJoCo stores height fields in single precision, and the computed ground heights must equal MuJoCo's.
+    """
+    grid: Array = heights.astype(np.float32).astype(np.float64)
     grid.flags.writeable = False
     return grid
 

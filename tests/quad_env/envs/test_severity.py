@@ -26,15 +26,25 @@ MOVES: dict[str, tuple[str, list[float]]] = {
     "randomised": ("slippery=0.4+randomised", [0.05, 0.4, 0.9]),
     "loaded": ("payload=5+randomised", [1.0, 5.0, 40.0]),
     "hardware": ("push=35+hardware", [0.0, 35.0, 90.0]),
+    "graded": ("rough=0.12", [0.02, 0.12, 0.3]),
+    "graded stones": ("gravel=0.08", [0.01, 0.08, 0.3]),
 }
 FIXED = {"rough": 0.2, "slope": 10.0, "stairs": 0.2, "gravel": 0.1, "soft": 0.01, "weak_motors": 30.0, "surprise": 2.0}
 SEEDS = [4, 9, 2]
 EARLY = (0.0, 0.9)
 
 
-def early(name: str) -> quad_env.Scenario:
-    """Return the scenario with pushes and dropouts in the first steps."""
+def graded(name: str) -> quad_env.Scenario:
+    """Return the scenario on a small height field that grows rougher along x."""
     scenario = quad_env.scenario(name)
+    assert isinstance(scenario.terrain, quad_env.SmoothRandom)
+    small = replace(scenario.terrain, half_size=6.0, spawn_radius=2.0)
+    return replace(scenario, terrain=small.graded(0.3, ramp=4.0))
+
+
+def early(name: str) -> quad_env.Scenario:
+    """Return the scenario with pushes and dropouts in the first steps, and with random ground that is graded."""
+    scenario = graded(name) if name.startswith(("rough", "gravel")) else quad_env.scenario(name)
     pushes, dropouts = scenario.pushes, scenario.dropouts
     return replace(
         scenario,
@@ -134,11 +144,23 @@ def test_what_cannot_be_moved_is_refused_by_the_name_of_its_axis(axis: str) -> N
     np.testing.assert_array_equal(env.true_observation(), before)
 
 
+def test_the_refusal_of_random_ground_names_the_graded_field() -> None:
+    with pytest.raises(ValueError, match=r"; valid: .*, or terrain\.graded\(max_peak_to_valley\)$"):
+        make("rough").reset(options={"severity": 0.2})
+
+
 @pytest.mark.parametrize("axis", ["slippery", "payload"])
 def test_a_simulator_without_models_of_each_robot_refuses_what_needs_them(axis: str) -> None:
     with pytest.raises(ValueError, match=f"{axis} cannot be moved"):
         at_severity(quad_env.scenario(axis), 0.7, SIMPLE_QUAD, per_robot_models=False)
     assert at_severity(quad_env.scenario("push"), 0.7, SIMPLE_QUAD, per_robot_models=False).severity == 0.7
+
+
+def test_a_graded_field_has_no_severity_beyond_its_roughest_end() -> None:
+    env = make(graded("rough"))
+    message = r"^options\['severity'\]: rough=0.31 does not exist .*max_peak_to_valley.*0.31.*; valid: .*0.3"
+    with pytest.raises(ValueError, match=message):
+        env.reset(options={"severity": 0.31})
 
 
 def test_changes_of_ones_own_stay() -> None:

@@ -16,7 +16,8 @@ from quad_env.config import Settings
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing import suite
 
-TERRAINS = quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), quad_env.SmoothRandom(half_size=6.0, spawn_radius=4.0)
+RANDOM = quad_env.SmoothRandom(half_size=6.0, spawn_radius=4.0)
+TERRAINS = quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), RANDOM, RANDOM.graded(0.3, ramp=8.0)
 STORM = quad_env.Scenario(
     "storm",
     pushes=quad_env.Pushes(count=4, impulse=10.0, window=(2.0, 8.0)),

@@ -11,7 +11,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.registry import SCENARIOS
-from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.scenario import Scenario, _scaled_terrain
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
 from quad_env.seeding import episode_seeds
 
@@ -53,6 +53,26 @@ def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: st
     assert harder == terrain, "one surface an episode at every severity"
 
 
+@pytest.mark.parametrize("peak_to_valley", [0.05, 0.2, 0.4])
+def test_an_episode_on_graded_ground_starts_where_the_heights_have_its_range(peak_to_valley: float) -> None:
+    terrain = replace(SMALL, peak_to_valley=peak_to_valley).graded(0.4, ramp=40.0)
+    scenario = replace(SCENARIOS["rough"], terrain=terrain)
+    starts = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in range(20)]
+    x, y = np.transpose(starts)
+    around = np.meshgrid(x[0] + np.linspace(-0.5, 0.5, 21), np.linspace(-5.0, 5.0, 201))
+    assert np.ptp(terrain.height(*around)) == pytest.approx(peak_to_valley, rel=0.03, abs=0.006)
+    assert np.ptp(y) > 5.0, "each episode has a place of its own"
+
+
+def test_graded_ground_is_one_field_for_all_severities_and_is_scaled_with_the_robot() -> None:
+    fields = [replace(SMALL, peak_to_valley=severity).graded(0.4).heights for severity in (0.1, 0.3)]
+    assert fields[0].normalized is fields[1].normalized
+    assert fields[0].span == fields[1].span == 0.4
+    twice = _scaled_terrain(GRADED, 2.0)
+    x, y = np.random.default_rng(0).uniform(-5.0, 5.0, (2, 50))
+    np.testing.assert_allclose(twice.height(2 * x, 2 * y), 2 * np.asarray(GRADED.height(x, y)), atol=1e-9)
+
+
 def ground_alone(terrain: Terrain) -> tuple[mujoco.MjModel, mujoco.MjData]:
     model = compile_model(SIMPLE_QUAD, Scenario("made", terrain))
     data = mujoco.MjData(model)
@@ -67,9 +87,10 @@ def ray(model: mujoco.MjModel, data: mujoco.MjData, start: list[float], way: lis
 
 GRAVEL = replace(SCENARIOS["gravel"].terrain, half_size=6.0, spawn_radius=4.0)
 STAIRS = Stairs(rise=0.12, steps=8)
+GRADED = SMALL.graded(0.4, ramp=8.0)
 
 
-@pytest.mark.parametrize("terrain", [SMALL, GRAVEL, Slope(0.4), STAIRS])
+@pytest.mark.parametrize("terrain", [SMALL, GRAVEL, GRADED, Slope(0.4), STAIRS])
 def test_height_is_what_a_ray_hits(terrain: Terrain) -> None:
     ground = ground_alone(terrain)
     points = np.random.default_rng(0).uniform(-5.9, 5.9, (100, 2))
