@@ -6,10 +6,13 @@ commands start fast.
 
 from typing import TYPE_CHECKING, Any
 
+from evaluate.distribution import check_distribution
+
 if TYPE_CHECKING:
     from evaluate.analysis.tables import RunTables, load
 
 __all__ = ["RunTables", "load"]
+check_distribution()
 
 
 def __getattr__(name: str) -> Any:

@@ -20,6 +20,13 @@ if __name__ == "__main__":
 from functools import partial
 from typing import TYPE_CHECKING
 
+from evaluate.distribution import find_mixed_distribution
+
+if __name__ == "__main__" and (_conflict := find_mixed_distribution()):
+    # The other distribution has replaced `evaluate/__init__.py`, which would have said so.
+    print(f"error: {_conflict}", file=sys.stderr)
+    raise SystemExit(launcher.FAILED)
+
 from evaluate.commands.options import PROGRAM as NAME
 from evaluate.commands.options import EvaluateOptions
 from quad_env.cli.command_line import parse

@@ -5,8 +5,10 @@ from pathlib import Path
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-MODELS = Path(__file__).resolve().parents[1] / "models"
-"""Path of the folder `models`, which ships with the project.
+_ROOT = Path(__file__).resolve().parents[1]
+_INSTALLED_MODELS = _ROOT / "simple_quad_bench" / "models"
+MODELS = _INSTALLED_MODELS if _INSTALLED_MODELS.is_dir() else _ROOT / "models"
+"""Path of the folder `models`, which ships with the project; the distribution has it in `simple_quad_bench`.
 
 The folder has a subfolder for each trained policy of SimpleQuad. For each other built-in robot, it has a subfolder with
 the trained policies and the searched parameters of this robot."""

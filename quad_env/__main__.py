@@ -1,6 +1,6 @@
 """Program `python -m quad_env`: lists robots and policies, and shows, films and records episodes.
 
-Some commands need policies. The policies are in packages that only a clone of the project contains.
+Some commands need policies. The policies are in packages that the distribution `simple-quad` does not contain.
 """
 
 import sys
@@ -10,7 +10,7 @@ from quad_env.cli import launcher
 # Ctrl-C is handled from here on, because the user may press it during the next imports.
 if __name__ == "__main__":
     launcher.leave_on_interrupt()
-    if launcher.IS_CLONE:
+    if launcher.HAS_BENCH:
         # The project comes first in the import path, because the user's folder may contain a file `evaluate.py`.
         sys.path.insert(0, str(launcher.ROOT))
 
@@ -22,7 +22,7 @@ _ALL_COMMANDS = {
         "quad_env.describe", "legs, joints and servos of a robot's model, and a test that the robot stands"
     ),
     "doctor": Command(
-        "live.commands.doctor" if launcher.IS_CLONE else "quad_env.doctor.command",
+        "live.commands.doctor" if launcher.HAS_BENCH else "quad_env.doctor.command",
         "faults of the installation, a robot or a policy, with their remedies",
     ),
     "scenarios": Command("quad_env.scenarios.listing", "all scenarios: their events, severities and notation"),
@@ -35,12 +35,12 @@ _ALL_COMMANDS = {
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
 COMMANDS = {
-    name: each for name, each in _ALL_COMMANDS.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")
+    name: each for name, each in _ALL_COMMANDS.items() if launcher.HAS_BENCH or each.module.startswith("quad_env.")
 }
 MISSING = [name for name in _ALL_COMMANDS if name not in COMMANDS]
-CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
-ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)
-NOTE = f"  {', '.join(MISSING)}: {CLONE}" if MISSING else ""
+BENCH = "part of simple-quad-bench: pip install simple-quad-bench, or pip install -e . in a clone"
+ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, BENCH)
+NOTE = f"  {', '.join(MISSING)}: {BENCH}" if MISSING else ""
 PROGRAM = Program("python -m quad_env", COMMANDS, moved_commands=ELSEWHERE, note=NOTE)
 main = PROGRAM.main
 

@@ -7,7 +7,8 @@ from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 import numpy as np
-from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
+
+from quad_env.type_check import is_instance_of
 
 GRAVITY = 9.81
 """Gravitational acceleration in all scenarios, m/s²."""
@@ -54,10 +55,8 @@ def check_settings(settings: Any) -> None:
     for name, (kind, bounds) in _annotations(settings_class).items():
         value = getattr(settings, name)
         label = f"{settings_class.__name__}.{name}"
-        try:
-            check_type(value, kind, collection_check_strategy=CollectionCheckStrategy.ALL_ITEMS)
-        except TypeCheckError:
-            raise ValueError(f"{label} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
+        if not is_instance_of(value, kind):
+            raise ValueError(f"{label} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}")
         if value is not None:
             _check_bounds(label, value, bounds)
 

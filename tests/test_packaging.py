@@ -22,6 +22,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.distributions import build
+
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
 VIEW = "live/view"  # part of a clone with the base dependencies only; other commands of live name the missing package
@@ -77,14 +79,6 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 def optional(repository: Path) -> set[str]:
     """Return the import names of the optional extras: films as .mp4, other simulators."""
     return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake", "mujoco_warp", "warp"}
-
-
-def build(folder: Path, kind: str, out: Path) -> Path:
-    """Return the wheel or the source distribution of the project in a folder."""
-    command = [sys.executable, "-m", "hatchling", "build", "--target", kind, "--directory", str(out)]
-    subprocess.run(command, cwd=folder, capture_output=True, check=True)
-    (path,) = out.iterdir()
-    return path
 
 
 @pytest.fixture(scope="session")
@@ -197,13 +191,15 @@ def test_import_contracts_hold(repository: Path) -> None:
 
 
 def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(repository: Path) -> None:
-    base, extra = requirements(repository), requirements(repository, "train")
+    environment, commands = requirements(repository), requirements(repository, "commands")
+    base, extra = environment | commands | requirements(repository, "bench"), requirements(repository, "train")
     evaluation, training = (third_party(repository, packages) for packages in ((*EVALUATION, VIEW), ("train",)))
     assert [name for name, providing in evaluation.items() if not providing & base] == []
     declared = base | extra | requirements(repository, "onnx")
     assert [name for name, providing in training.items() if not providing & declared] == []
     used = set().union(*evaluation.values())
     assert base <= used
+    assert environment | commands <= set().union(*third_party(repository, ("quad_env",)).values())
     assert extra <= used.union(INDIRECT, *training.values())
     assert optional(repository) <= {
         name for package in ("evaluate", "quad_env") for name in imported(repository / package)

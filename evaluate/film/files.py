@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.extras import install_command
 from quad_env.files.writing import write_atomically
 
 STRIP_SUFFIX = ".png"
@@ -55,7 +56,7 @@ def check_film_path(path: Path, option: str = "--video") -> None:
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
             raise UsageError(
-                f'{option}: an .mp4 needs an encoder, pip install -e ".[video]"; a .webp, a .gif and a .png do without'
+                f"{option}: an .mp4 needs an encoder, {install_command('video')}; a .webp, a .gif and a .png do without"
             ) from None
     make_folder_of(path, option)
 

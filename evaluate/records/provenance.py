@@ -104,12 +104,13 @@ def git_revision(folder: Path) -> str | None:
     """Return the hash of the current git commit, with `-dirty` appended if tracked files differ from it.
 
     Args:
-        folder: Folder in the git repository.
+        folder: Folder of a project in the git repository.
 
     Returns:
-        The text; None if the folder is not in a git repository.
+        The text; None if the folder is not in a git repository. A folder of installed packages gives None too, because
+        it may be in the repository of another project.
     """
-    revision = _git(folder, "rev-parse", "HEAD")
+    revision = _git(folder, "rev-parse", "HEAD") if (folder / "pyproject.toml").is_file() else None
     if revision is None:
         return None
     return f"{revision}-dirty" if _git(folder, "status", "--porcelain", "--untracked-files=no") else revision

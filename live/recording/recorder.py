@@ -18,6 +18,7 @@ from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
 from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.extras import install_command
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
@@ -69,7 +70,7 @@ def check_recordable(path: Path) -> None:
             created.
     """
     if missing := [package for package in PACKAGES if find_spec(package) is None]:
-        raise UsageError(f'recording needs {missing[0]}: pip install -e ".[recording]"')
+        raise UsageError(f"recording needs {missing[0]}: {install_command('recording')}")
     if path.exists():
         raise UsageError(f"{path} exists already: name another file")
     if path.suffix != ".mcap":

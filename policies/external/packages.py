@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from policies.base import PolicyError
+from quad_env.cli.extras import install_command
 
 
 def import_package(name: str, extra: str = "onnx") -> Any:
@@ -43,4 +44,4 @@ def check_package(name: str, extra: str = "onnx") -> None:
 
 
 def _missing_package(name: str, extra: str) -> str:
-    return f'this needs {name}, which is not installed: pip install -e ".[{extra}]"'
+    return f"this needs {name}, which is not installed: {install_command(extra)}"

@@ -22,9 +22,14 @@ FAILED = 2
 NOTHING_KEPT = "interrupted: no further file was written"
 """Line on stderr if Ctrl-C ends a program that has not saved any results."""
 ROOT = Path(__file__).resolve().parents[2]
-"""Path of the clone of the project; if only `quad_env` is installed, the folder that contains this package."""
+"""Path of the clone of the project; if `quad_env` is installed, the folder that contains this package."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
-"""True if this code is in a clone of the project, False if only the package `quad_env` is installed."""
+"""True if this code is in a clone of the project, False if it is installed."""
+HAS_BENCH = IS_CLONE or (ROOT / "simple_quad_bench").is_dir()
+"""True if policies, evaluator, training and live view are next to `quad_env`.
+
+They are in a clone, and in the distribution `simple-quad-bench`.
+"""
 _MEMORY_SIGNS = (
     "cannot allocate memory",  # This is a message of the operating system.
     "could not allocate memory",  # This is a message of MuJoCo.

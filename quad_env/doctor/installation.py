@@ -10,10 +10,13 @@ from importlib import import_module, metadata
 from packaging.requirements import Requirement
 
 from quad_env.cli.child_process import RunClock
+from quad_env.cli.launcher import HAS_BENCH
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 
 PROJECT = "simple-quad"
 """Name of the distribution of this project in the package index."""
+REQUIRED_EXTRAS = {False: ("commands",), True: ("commands", "bench")}
+"""Extras of PROJECT that must be installed: for `quad_env` alone, and for all packages of the project."""
 RENDER_TIMEOUT = 60.0
 """Time after which a subprocess that has not yet drawn one frame is stopped, s.
 
@@ -37,11 +40,17 @@ The program runs in a subprocess, because a broken OpenGL can crash the process.
 
 def packages(_: DoctorSubject) -> Finding:
     """Check that all required packages are installed, in versions that the project supports."""
+    extras = ("", *REQUIRED_EXTRAS[HAS_BENCH])
     requirements = map(Requirement, metadata.requires(PROJECT) or ())
-    needed = [each for each in requirements if not each.marker or each.marker.evaluate({"extra": ""})]
-    if faults := [fault for each in needed if (fault := _fault(each))]:
+    needed = {
+        each.name: each
+        for each in requirements
+        if not each.marker or any(each.marker.evaluate({"extra": extra}) for extra in extras)
+    }
+    if faults := [fault for each in needed.values() if (fault := _fault(each))]:
         cause = "not installed into this environment, or changed by another package"
-        return problem("; ".join(faults), cause, f"pip install -U {PROJECT}, or pip install -U -e . in a clone")
+        project = f"{PROJECT}-bench" if HAS_BENCH else PROJECT
+        return problem("; ".join(faults), cause, f"pip install -U {project}, or pip install -U -e . in a clone")
     return ok(f"Python {platform.python_version()}, {len(needed)} packages, MuJoCo {metadata.version('mujoco')}")
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 from quad_env.actuation.models import ACTUATORS, Actuator
+from quad_env.cli.extras import install_command
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, SmoothRandom
@@ -105,7 +106,7 @@ def check_simulator(
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
     features = SIMULATOR_FEATURES[simulator]
     if features.package is not None and find_spec(features.package) is None:
-        raise ValueError(f'the simulator {simulator} needs its packages: pip install -e ".[{simulator}]"')
+        raise ValueError(f"the simulator {simulator} needs its packages: {install_command(simulator)}")
     requested = _requested_features(scenario, actuator, sensors, readings, per_env_servo_gains)
     unsupported = [name for feature, name in requested if not getattr(features, feature)]
     if unsupported:

