@@ -214,5 +214,5 @@ def test_another_evaluate_in_another_folder_is_no_fault(bench: Path, tmp_path: P
 def test_the_pinned_lines_name_both_distributions(repository: Path) -> None:
     text = (repository / "docs" / "citing.md").read_text(encoding="utf-8")
     version = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    assert f'"simple-quad @ git+file:///path/to/the/clone@v{version}"' in text
-    assert f'"simple-quad-bench @ git+file:///path/to/the/clone@v{version}#subdirectory=packaging/bench"' in text
+    assert f'"git+file:///path/to/the/clone@v{version}"' in text
+    assert f'"git+file:///path/to/the/clone@v{version}#subdirectory=packaging/bench"' in text
