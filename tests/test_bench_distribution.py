@@ -4,12 +4,14 @@ Both wheels are unpacked into empty virtual environments, to which exactly the d
 metadata asks for; these come from the environment of the tests, so that nothing is fetched.
 """
 
+import os
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from email.parser import HeaderParser
 from pathlib import Path
 from typing import NamedTuple
 
@@ -84,6 +86,25 @@ def bench(wheels: Wheels, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return project / "env"
 
 
+def built_requirements(repository: Path, out: Path) -> list[str]:
+    """Return the requirements of an editable wheel, by the function of the backend that installers ask first."""
+    code = """
+import sys
+import backend
+prepare = getattr(backend, "prepare_metadata_for_build_editable", None)
+(prepare or backend.build_editable)(sys.argv[1])
+"""
+    path = str(repository / "packaging")
+    variables = os.environ | {"PYTHONPATH": path}
+    command = [sys.executable, "-c", code, str(out)]
+    subprocess.run(command, cwd=repository, env=variables, capture_output=True, check=True)
+    (result,) = out.iterdir()
+    if result.suffix == ".whl":
+        return description(result)["Requires-Dist"]
+    message = HeaderParser().parsestr((result / "METADATA").read_text(encoding="utf-8"))
+    return message.get_all("Requires-Dist", [])
+
+
 @pytest.fixture
 def mixed(bench: Path) -> Iterator[Path]:
     """Return the same environment after the installation of another distribution `evaluate`."""
@@ -145,15 +166,12 @@ def test_both_distributions_have_one_version_and_one_list_of_needs(wheels: Wheel
 
 
 def test_an_editable_installation_needs_what_the_commands_of_the_readme_need(repository: Path, tmp_path: Path) -> None:
-    code = "import sys, hatchling.build; hatchling.build.build_editable(sys.argv[1])"
-    subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=repository, capture_output=True, check=True)
-    (wheel,) = tmp_path.iterdir()
-    needs = {requirement.name for requirement in map(Requirement, description(wheel)["Requires-Dist"])
-             if requirement.marker is None}  # fmt: skip
+    lines = built_requirements(repository, tmp_path)
+    needs = {requirement.name for requirement in map(Requirement, lines) if requirement.marker is None}
     project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
-    lines = [*project["dependencies"], *optional["commands"], *optional["bench"]]
-    assert needs == {Requirement(line).name for line in lines}
+    expected = [*project["dependencies"], *optional["commands"], *optional["bench"]]
+    assert needs == {Requirement(line).name for line in expected}
 
 
 def test_another_project_evaluates_with_both_distributions(bench: Path, tmp_path: Path) -> None:
