@@ -64,7 +64,8 @@ def install(environment: Path, wheels: Iterable[Path], names: Iterable[str]) -> 
     venv.create(environment, symlinks=os.name != "nt")
     folder = site_packages(environment)
     options = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check", "--target", str(folder)]
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, *map(str, wheels)], check=True)
+    for wheel in wheels:
+        subprocess.run([sys.executable, "-m", "pip", "install", *options, str(wheel)], check=True)
     for name in names:
         distribution = metadata.distribution(name)
         for top_level in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:

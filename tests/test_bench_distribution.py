@@ -4,6 +4,7 @@ Both wheels are unpacked into empty virtual environments, to which exactly the d
 metadata asks for; these come from the environment of the tests, so that nothing is fetched.
 """
 
+import json
 import os
 import shutil
 import subprocess
@@ -152,17 +153,18 @@ def test_the_wheel_holds_all_files_of_its_packages_and_the_models(wheels: Wheels
     assert any(name.endswith("/LICENSE") for name in names)
 
 
-def test_both_distributions_have_one_version_and_one_list_of_needs(wheels: Wheels, repository: Path) -> None:
+def test_both_distributions_have_one_version_and_one_list_of_needs(wheels: Wheels) -> None:
     quad, bench = map(description, wheels)
-    project = tomllib.loads((repository / "packaging/bench/pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = project["optional-dependencies"]
-    assert bench["Version"] == quad["Version"]
-    for lines, extra in ((project["dependencies"], {"commands", "bench"}), *((extras[e], {e}) for e in extras)):
-        (requirement,) = map(Requirement, lines)
-        assert (requirement.name, requirement.extras) == ("simple-quad", extra)
-        assert str(requirement.specifier) == f"=={quad['Version'][0]}"
-        assert extra <= set(quad["Provides-Extra"])
-    assert bench["Requires-Python"] == quad["Requires-Python"]
+    needs = [Requirement(line) for line in bench["Requires-Dist"]]
+    required = [each for each in needs if each.marker is None]
+    assert [each.extras for each in required] == [{"commands", "bench"}]
+    for extra in bench["Provides-Extra"]:
+        (requirement,) = (each for each in needs if each.marker is not None and each.marker.evaluate({"extra": extra}))
+        assert requirement.extras == {extra}
+    assert {extra for each in needs for extra in each.extras} <= set(quad["Provides-Extra"])
+    assert {(each.name, str(each.specifier)) for each in needs} == {("simple-quad", f"=={quad['Version'][0]}")}
+    for header in ("Version", "Requires-Python"):
+        assert bench[header] == quad[header]
 
 
 def test_an_editable_installation_needs_what_the_commands_of_the_readme_need(repository: Path, tmp_path: Path) -> None:
@@ -187,6 +189,37 @@ def test_another_project_evaluates_with_both_distributions(bench: Path, tmp_path
     listed = run(bench, ["-m", "quad_env", "policies"], tmp_path)
     assert (listed.returncode, listed.stderr) == (0, "")
     assert "residual" in listed.stdout
+
+
+def commit_all(folder: Path) -> str:
+    """Put a folder into a new git repository, and return the commit."""
+    git = ["git", "-C", str(folder), "-c", "user.name=A", "-c", "user.email=a@b"]
+    for words in (["init", "--quiet"], ["add", "--all"], ["commit", "--quiet", "-m", "x"]):
+        subprocess.run([*git, *words], check=True)
+    return subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_a_git_url_of_the_second_installs_the_first_of_the_same_commit(
+    wheels: Wheels, repository: Path, tmp_path: Path
+) -> None:
+    """pip takes all other packages, and the build backend, from the environment."""
+    clone = tmp_path / "clone"
+    for name in ("quad_env", "packaging", "models", *PACKAGES):
+        shutil.copytree(repository / name, clone / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(repository / name, clone / name)
+    commit = commit_all(clone)
+    env = tmp_path / "env"
+    install(env, [], needed(wheels, ["simple-quad-bench"]) | needed([], ["hatchling"]))
+    python = next(path for path in env.glob("*/python*") if path.stem == "python")
+    url = f"git+{clone.as_uri()}#subdirectory=packaging/bench"
+    options = ["--quiet", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", "--python", str(python), "install", *options, url], check=True)
+    for name in ("simple_quad", "simple_quad_bench"):
+        (file,) = site_packages(env).glob(f"{name}-*.dist-info/direct_url.json")
+        assert json.loads(file.read_text(encoding="utf-8"))["vcs_info"]["commit_id"] == commit
+    done = run(env, ["-c", "import policies; print(policies.make('residual'))"], tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_what_torch_is_needed_for_names_the_extra(bench: Path, tmp_path: Path) -> None:
@@ -232,5 +265,5 @@ def test_another_evaluate_in_another_folder_is_no_fault(bench: Path, tmp_path: P
 def test_the_pinned_lines_name_both_distributions(repository: Path) -> None:
     text = (repository / "docs" / "citing.md").read_text(encoding="utf-8")
     version = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    assert f'"git+file:///path/to/the/clone@v{version}"' in text
-    assert f'"git+file:///path/to/the/clone@v{version}#subdirectory=packaging/bench"' in text
+    assert f'pip install "git+file:///path/to/the/clone@v{version}"\n' in text
+    assert f'pip install "git+file:///path/to/the/clone@v{version}#subdirectory=packaging/bench"\n' in text
