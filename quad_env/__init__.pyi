@@ -35,6 +35,7 @@ from quad_env.scenarios.disturbances import Latency as Latency
 from quad_env.scenarios.disturbances import Motors as Motors
 from quad_env.scenarios.disturbances import Payload as Payload
 from quad_env.scenarios.disturbances import Pushes as Pushes
+from quad_env.scenarios.disturbances import ScanDropouts as ScanDropouts
 from quad_env.scenarios.disturbances import SensorNoise as SensorNoise
 from quad_env.scenarios.disturbances import SteadyForce as SteadyForce
 from quad_env.scenarios.randomisation import DomainRandomisation as DomainRandomisation

@@ -95,6 +95,8 @@ class EpisodeStreams:
     """Random generator of the noise of the height scan of the terrain."""
     randomisation = _stream(9)
     """Random generator of the domain randomisation of robot and ground."""
+    scan_dropouts = _stream(10)
+    """Random generator of times and sides of the dropouts of the height scan."""
 
 
 def assign_seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:

@@ -17,6 +17,7 @@ from quad_env.scenarios.disturbances import (
     Motors,
     Payload,
     Pushes,
+    ScanDropouts,
     SensorNoise,
     SteadyForce,
 )
@@ -33,7 +34,8 @@ _TYPE_BY_NAME: dict[str, Any] = {
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, GradedRandom, Stairs, HeightField),
-        *(Dropouts, Ground, Kicks, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce, DomainRandomisation),
+        *(Dropouts, Ground, Kicks, Latency, Motors, Payload, Pushes),
+        *(ScanDropouts, SensorNoise, SteadyForce, DomainRandomisation),
         *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
         *(TaskConfig, FallRule, PhysicsOptions, RewardWeights, HeightScan),

@@ -104,18 +104,19 @@ class CombinedVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
         observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
         return observation, rewards, terminated, truncated, self._combine_infos([result[4] for result in results])
 
-    def true_observation(self, height_scan: HeightScan | None = None) -> Observation:
+    def true_observation(self, height_scan: HeightScan | None = None, with_scan_loss: bool = False) -> Observation:
         """Return the observation of the true present state of all robots, without noise and delay, (n, m).
 
         `SimpleQuadVectorEnv.true_observation` explains it.
 
         Args:
             height_scan: Grid of a height scan to append; None for no scan.
+            with_scan_loss: True if grid points that the robots' own height scan does not show read -2 m.
 
         Returns:
             The observation.
         """
-        return np.concatenate([batch.true_observation(height_scan) for batch in self.batches])
+        return np.concatenate([batch.true_observation(height_scan, with_scan_loss) for batch in self.batches])
 
     def close_extras(self, **_: Any) -> None:
         """Close the batches, and stop the threads."""

@@ -214,7 +214,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             self._view = Camera(self.simulation.model)
         return tuple(self._view.draw(self.simulation.snapshot(i)) for i in range(self.num_envs))
 
-    def true_observation(self, height_scan: HeightScan | None = None) -> Observation:
+    def true_observation(self, height_scan: HeightScan | None = None, with_scan_loss: bool = False) -> Observation:
         """Return the observation of the true present state, with the command to track next.
 
         The values have no noise, delay or estimation error, also if the observation of this environment has them. A
@@ -222,6 +222,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
         Args:
             height_scan: Grid of a height scan to append; its rate, delay and noise are not used. None for no scan.
+            with_scan_loss: True if points that the height scan of this environment does not show now, because the
+                scenario loses the scan or has dropouts of it, read -2 m in the result too.
 
         Returns:
             Observation, (n, size), as in docs/environment.md.
@@ -236,6 +238,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if height_scan is None:
             return observation
         heights = relative_ground_heights(height_scan.points, self.scenario.terrain, state)
+        if with_scan_loss and self._scanner is not None:
+            self._scanner.loss.hide(heights, height_scan.points, self._schedule.step_count, self._rows)
         return np.concatenate((observation, np.clip(heights, UNSEEN, -UNSEEN).astype(np.float32)), axis=1)
 
     @property

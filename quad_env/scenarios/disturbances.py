@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from quad_env.config import Bounds, NonNegative, Positive, Settings
+from quad_env.config import Bounds, Fraction, NonNegative, Positive, Settings
 from quad_env.robots.robot import Robot
 
 Delay = Annotated[float, Bounds("from 0 s to 10 s", 0.0, 10.0)]
@@ -211,3 +211,24 @@ class Dropouts(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_window("dropouts", self.count, self.duration, self.window)
+
+
+@dataclass(frozen=True)
+class ScanDropouts(Settings):
+    """Dropouts of the height scan: periods in which all points of the grid, or a half of them, show no ground.
+
+    The time window is divided into `count` equal parts. Each part contains one dropout at a random time. A dropout
+    hides all points, or with the same probability only those on one side of the trunk's centre, in a random direction.
+    """
+
+    count: int = 3
+    duration: float = 1.5
+    """Duration of each dropout, s"""
+    window: tuple[float, float] = (0.0, 9.0)
+    """Start and end of the time window that contains every dropout, s since the start of the episode"""
+    lost_fraction: Fraction = 0.25
+    """Probability that the scan shows no ground in the whole episode, 0 to 1"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_window("scan_dropouts", self.count, self.duration, self.window)

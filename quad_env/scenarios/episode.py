@@ -10,11 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Dropouts, Kicks, Pushes, SteadyForce
+from quad_env.scenarios.disturbances import Dropouts, Kicks, Pushes, ScanDropouts, SteadyForce
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import GradedRandom, HeightField
 from quad_env.seeding import EpisodeStreams
+
+_NEVER = np.iinfo(np.int64).max
+"""Control step that no episode reaches."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,20 @@ class MovedProperties(NamedTuple):
     """Moment of inertia of the payload about each of its axes, kg·m²."""
 
 
+@dataclass(frozen=True)
+class ScanDropoutPlan:
+    """Dropouts of the height scan in one episode."""
+
+    first_step: NDArray[np.int64]
+    """Control step in which each dropout begins, counted from the start of the episode, (count,)."""
+    end_step: NDArray[np.int64]
+    """First control step after each dropout, (count,)."""
+    side: Array
+    """Direction in which each dropout hides the points of the grid, heading frame, x and y, (count, 2).
+
+    It is a unit vector, or zero for a dropout that hides all points."""
+
+
 class EpisodeSample:
     """Random draws of one episode: initial state, commands, disturbances and domain randomisation.
 
@@ -78,6 +95,7 @@ class EpisodeSample:
             scenario has no payload.
         dropouts: First control step of each dropout, (count,), and index of its joint, (count,). In a dropout a joint
             receives no targets. None if the scenario has no dropouts.
+        scan_dropouts: Dropouts of the height scan; None if the scenario has none.
         randomised: Randomised properties of robot and ground; None if the scenario has no domain randomisation.
         friction: Friction coefficient of the ground.
         action_delay: Delay of the joint targets from the policy to the servos, control steps.
@@ -104,6 +122,11 @@ class EpisodeSample:
             first_step = _stratified_start_steps(dropouts, self.streams.dropouts, dt)
             joint_ids = self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
             self.dropouts = (first_step, joint_ids)
+        self.scan_dropouts = (
+            None
+            if scenario.scan_dropouts is None
+            else _draw_scan_dropouts(scenario.scan_dropouts, self.streams.scan_dropouts, dt)
+        )
         self.friction = scenario.ground.friction
         self.action_delay = 0 if scenario.latency is None else round(scenario.latency.action / dt)
         self.randomised: RandomizationSample | None = None
@@ -273,7 +296,25 @@ def moved_properties(episodes: Sequence[EpisodeSample]) -> list[MovedProperties]
     return properties
 
 
-def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
+def _draw_scan_dropouts(dropouts: ScanDropouts, stream: np.random.Generator, dt: float) -> ScanDropoutPlan:
+    """Draw the dropouts of the height scan in an episode; `dt` is the control period, s."""
+    first_step = _stratified_start_steps(dropouts, stream, dt)
+    angle = stream.uniform(-np.pi, np.pi, dropouts.count)
+    is_complete = stream.random(dropouts.count) < 0.5
+    is_lost = stream.random() < dropouts.lost_fraction
+    side = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    side[is_complete] = 0.0
+    # The last dropout is the whole episode, or nothing.
+    return ScanDropoutPlan(
+        first_step=np.append(first_step, 0),
+        end_step=np.append(first_step + control_steps(dropouts.duration, dt), _NEVER if is_lost else 0),
+        side=np.append(side, np.zeros((1, 2)), axis=0),
+    )
+
+
+def _stratified_start_steps(
+    events: Pushes | Dropouts | ScanDropouts, stream: np.random.Generator, dt: float
+) -> NDArray[np.int64]:
     """Draw the first control step of each push or dropout, (count,).
 
     The time window of `events` is divided into `count` equal parts, and each part contains one event at a uniformly

@@ -17,6 +17,7 @@ SYNTAX_EXAMPLES = {
     "push:3+hardware": "any of them with the robot's hardware profile: motors, delays, sensors, estimator",
     "push:3+randomised": "any of them with domain randomisation: masses, friction, gains, delay drawn every episode",
     "rough:3+scan_lost": "any of them with a height scan that shows nothing; policies without one see no difference",
+    "rough:3+scan_dropouts": "any of them with a height scan that fails at times, in all points or in a half of them",
     "push:all": "every level; only in python -m evaluate --scenarios, as the next two",
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",

@@ -10,7 +10,7 @@ scenario name is one of:
 - a combination of axes and severities, `payload=15+slope=10`;
 - the TOML file of a user's terrain, `hill.toml`.
 
-Any name may end with `+hardware`, `+randomised` or `+scan_lost`.
+Any name may end with `+hardware`, `+randomised`, `+scan_lost` or `+scan_dropouts`.
 
 No scenario is tuned to a policy. To write a scenario, use the constructor `Scenario` or `dataclasses.replace`, and pass
 the scenario to `gym.make`.
@@ -38,7 +38,7 @@ __all__ = ["SCENARIOS", "Scenario", "scenario"]
 SYNTAX_HELP = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
     "a terrain of yours such as hill.toml, "
-    "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
+    "any of them with +scan_dropouts, +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
 """Explanation of the syntax of scenario names that are not in `SCENARIOS`, for errors and help texts."""
 SEPARATOR = "+"
@@ -173,7 +173,7 @@ def extension_scenarios() -> dict[str, Scenario]:
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
-    """Split the last suffix (`+hardware`, `+randomised` or `+scan_lost`) off the name of a scenario.
+    """Split the last suffix (`+hardware`, `+randomised`, `+scan_lost` or `+scan_dropouts`) off the name of a scenario.
 
     Args:
         name: Name of a scenario in the syntax of the function `scenario`.

@@ -17,6 +17,7 @@ from quad_env.scenarios.disturbances import (
     Motors,
     Payload,
     Pushes,
+    ScanDropouts,
     SensorNoise,
     SteadyForce,
 )
@@ -29,7 +30,11 @@ RANDOMISED = "+randomised"
 """Suffix of scenario names: properties of robot and ground differ in every episode (domain randomisation)."""
 SCAN_LOST = "+scan_lost"
 """Suffix of scenario names: the height scan fails, so that every point reads -2 m, as for unseen ground."""
-SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
+SCAN_DROPOUTS = "+scan_dropouts"
+"""Suffix of scenario names: the height scan fails at times, in all points or in a half of them."""
+SUFFIX_FIELDS = {
+    SCAN_DROPOUTS: "scan_dropouts", SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware",
+}  # fmt: skip
 """Suffix of a scenario name -> name of the field of `Scenario` that the suffix sets.
 
 A name with several suffixes has them in the order of this dictionary.
@@ -74,6 +79,8 @@ class Scenario(Settings):
     """Ranges of the random properties of robot and ground in each episode; None for fixed properties."""
     scan_lost: bool = False
     """True if the height scan fails: every point of the scan reads -2 m, the value of unseen ground."""
+    scan_dropouts: ScanDropouts | None = None
+    """Periods in which the height scan, or a half of it, shows no ground; None for no periods."""
     kicks: Kicks | None = None
     """Kicks, which are short forces of random strength on the trunk, for training; None for no kicks."""
 
@@ -107,6 +114,11 @@ def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
     return _with_settings(scenario, scan_lost=True)
 
 
+def _with_scan_dropouts(scenario: Scenario, _: Robot) -> Scenario:
+    """Return `scenario` with dropouts of the height scan and the suffix `+scan_dropouts`; own dropouts are kept."""
+    return _with_settings(scenario, scan_dropouts=scenario.scan_dropouts or ScanDropouts())
+
+
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
     """Return `scenario` with new `settings`, field name -> value, and with the matching name suffixes.
 
@@ -121,6 +133,7 @@ SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
     HARDWARE: lambda scenario, _: with_hardware_profile(scenario),
     RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
+    SCAN_DROPOUTS: _with_scan_dropouts,
 }
 """Suffix of a scenario name -> function of scenario and robot that returns the changed scenario."""
 

@@ -101,6 +101,51 @@ def table_with(robot: Robot, scan: HeightScan | None, user_terms: tuple[Observat
     return observation_table(robot, *(() if scan is None else (scan.term,)), *user_terms)
 
 
+class ScanLoss:
+    """Loss of the height scan of n robots: whole episodes, or the dropouts of their scenario.
+
+    Args:
+        scenario: Scenario, which defines loss and dropouts.
+        num_envs: Number of robots.
+    """
+
+    def __init__(self, scenario: Scenario, num_envs: int) -> None:
+        self.is_permanent = scenario.scan_lost
+        """True if the scan shows no ground in all episodes of all robots."""
+        self._has_dropouts = scenario.scan_dropouts is not None
+        count = 0 if scenario.scan_dropouts is None else scenario.scan_dropouts.count + 1
+        self._first_step = np.zeros((num_envs, count), np.int64)
+        self._end_step = np.zeros((num_envs, count), np.int64)
+        self._side = np.zeros((num_envs, count, 2))
+
+    def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+        """Store the dropouts of the new `episodes` of k robots with the indices `env_ids`, (k,)."""
+        for env_index, episode in zip(env_ids, episodes, strict=True):
+            if (plan := episode.scan_dropouts) is not None:
+                self._first_step[env_index] = plan.first_step
+                self._end_step[env_index] = plan.end_step
+                self._side[env_index] = plan.side
+
+    def hide(self, heights: Any, points: Array, clock: Clock, env_ids: EnvIndices) -> None:
+        """Set the heights of grid points that the scan of k robots does not show now to `UNSEEN`, in place.
+
+        Args:
+            heights: Ground heights at the p points relative to the trunk's centre, (k, p), m.
+            points: Positions x, y of the p points, heading frame, (p, 2), m.
+            clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
+            env_ids: Indices of the k robots, (k,).
+        """
+        if self.is_permanent:
+            heights[:] = UNSEEN
+        elif self._has_dropouts:
+            now = np.asarray(clock)[:, None]
+            is_active = (now >= self._first_step[env_ids]) & (now < self._end_step[env_ids])
+            x, y = points.T
+            for row, dropout in zip(*np.nonzero(is_active), strict=True):
+                side_x, side_y = self._side[env_ids[row], dropout]
+                heights[row, side_x * x + side_y * y >= 0.0] = UNSEEN
+
+
 class Scanner:
     """Simulated height scanner of n robots, with noise, sample rate and delay.
 
@@ -108,7 +153,7 @@ class Scanner:
         scan: Grid, rate, delay and noise of the scan.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
-        scenario: Scenario, which adds delay and noise; with `scan_lost`, every point reads `UNSEEN`, -2 m.
+        scenario: Scenario, which adds delay and noise, and loses the scan in periods or always.
     """
 
     def __init__(
@@ -118,11 +163,12 @@ class Scanner:
         control_rate: float,
         scenario: Scenario,
     ) -> None:
+        self.loss = ScanLoss(scenario, num_envs)
+        """Periods and points in which the scan reads `UNSEEN`, -2 m."""
         self._scan = scan
         self._control_rate = control_rate
         self._terrain = scenario.terrain
         self._points = scan.points
-        self._is_lost = scenario.scan_lost
         width = len(self._points)
         std = self._noise_std(scenario)
         self._channel = Channel(num_envs, width, scan.rate, self._delay(scenario), control_rate)
@@ -142,12 +188,13 @@ class Scanner:
         return self._scan.delay + added_steps / self._control_rate
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the noise of the height scan for k robots that start a new episode.
+        """Restart noise and dropouts of the height scan for k robots that start a new episode.
 
         Args:
             env_ids: Indices of the k robots, (k,).
             episodes: New episodes of the k robots.
         """
+        self.loss.reset(env_ids, episodes)
         for env_index, episode in zip(env_ids, episodes, strict=True):
             self._delay_steps[env_index] = delay_to_steps(self._delay(episode.scenario), self._control_rate)
             if self._noise is not None:
@@ -164,13 +211,15 @@ class Scanner:
         Returns:
             Ground heights at the p grid points relative to the trunk's centre, (k, p), m.
         """
-        if self._is_lost:
+        if self.loss.is_permanent:
             return np.full((len(env_ids), len(self._points)), UNSEEN, np.float32)
         due = np.flatnonzero(clock % self._channel.period == 0)
         if len(due):
             sample = self._sample(state, clock[due], env_ids[due], due)
             self._channel.record(sample, clock[due], env_ids[due])
-        return self._channel.value(clock, env_ids, self._delay_steps[env_ids]).astype(np.float32)
+        heights = self._channel.value(clock, env_ids, self._delay_steps[env_ids]).astype(np.float32)
+        self.loss.hide(heights, self._points, clock, env_ids)
+        return heights
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
         """Return the ground heights at p grid points of k robots relative to the trunk's centre, (k, p), m.
@@ -213,7 +262,7 @@ def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, con
 
     Args:
         scan: Settings of the scan; None if the robots have no height scan.
-        scenario: Scenario that defines terrain, observation latency, noise, and a possible loss of the scan.
+        scenario: Scenario that defines terrain, observation latency, noise, and loss of the scan.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
 

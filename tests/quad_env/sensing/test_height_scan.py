@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 import quad_env
-from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Scenario, SensorNoise, StartNoise
+from quad_env import (
+    OBSERVATION_SIZE,
+    SCENARIOS,
+    CommandRanges,
+    HeightScan,
+    ScanDropouts,
+    Scenario,
+    SensorNoise,
+    StartNoise,
+)
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -162,3 +171,74 @@ def test_a_lost_scan_shows_unseen_ground_and_changes_nothing_else() -> None:
     assert quad_env.scenario("rough+scan_lost") == replace(ROUGH, name="rough+scan_lost", scan_lost=True)
     np.testing.assert_array_equal(scans(SMALL, scenario="rough+scan_lost"), -2.0)
     np.testing.assert_array_equal(scans(None, scenario="rough+scan_lost"), scans(None, scenario="rough"))
+
+
+DROPPING = replace(ROUGH, scan_dropouts=ScanDropouts(count=1, duration=0.1, window=(0.05, 0.16), lost_fraction=0.0))
+"""Rough ground, and a dropout of the scan from control step 5 to 14."""
+
+
+def test_dropouts_hide_all_points_or_those_on_one_side_and_change_nothing_else() -> None:
+    found, exact = scans(SMALL, robots=40, scenario=DROPPING), scans(SMALL, robots=40)
+    hidden = found == -2.0
+    np.testing.assert_array_equal(found[~hidden], exact[~hidden])
+    assert not hidden[:5].any()
+    assert not hidden[15:].any()
+    assert (hidden[5:15] == hidden[5]).all()
+    complete = hidden[5].all(axis=1)
+    assert 0.2 < complete.mean() < 0.8
+
+
+def test_a_partial_dropout_hides_a_half_plane() -> None:
+    square = HeightScan(ahead=3, behind=3, aside=3, spacing=0.1)
+    hidden = scans(square, robots=40, scenario=DROPPING)[5] == -2.0
+    partial = hidden[~hidden.all(axis=1)]
+    assert len(partial) > 5
+    centre = np.arange(49) == 24
+    for mask in partial:
+        opposite = mask[::-1]  # the points on the other side of the centre
+        np.testing.assert_array_equal(mask & opposite, centre)
+        assert (mask | opposite).all()
+        assert square.points[mask].mean(axis=0) @ square.points[~mask].mean(axis=0) < 0.0
+    ways = [square.points[mask].mean(axis=0) for mask in partial]
+    assert np.linalg.norm(np.mean(ways, axis=0)) < 0.1, "dropouts hide all sides alike"
+
+
+def test_dropouts_lose_the_whole_scan_in_a_part_of_the_episodes() -> None:
+    often = replace(ROUGH, scan_dropouts=ScanDropouts(lost_fraction=0.4, window=(5.0, 10.0)))
+    lost = (scans(SMALL, robots=200, steps=1, scenario=often) == -2.0).all(axis=(0, 2))
+    assert lost.mean() == pytest.approx(0.4, abs=0.1)
+
+
+def test_the_suffix_of_dropouts_keeps_the_scenario_and_its_other_draws() -> None:
+    name = "rough=0.2+scan_dropouts+hardware"
+    dropping = quad_env.scenario(name)
+    plain = quad_env.scenario("rough=0.2+hardware")
+    assert dropping == replace(plain, name=name, scan_dropouts=ScanDropouts())
+    np.testing.assert_array_equal(scans(None, scenario=dropping), scans(None, scenario=plain))
+
+
+def test_a_robot_that_begins_again_has_other_dropouts() -> None:
+    half = replace(ROUGH, scan_dropouts=ScanDropouts(count=0, lost_fraction=0.5))
+    env = SimpleQuadVectorEnv(64, half, height_scan=SMALL, autoreset_mode="DISABLED")
+    first = env.reset(seed=0)[0][:, OBSERVATION_SIZE:]
+    chosen = np.arange(64) % 2 == 0
+    second = env.reset(options={"reset_mask": chosen})[0][:, OBSERVATION_SIZE:]
+    lost = [(each == -2.0).all(axis=1) for each in (first, second)]
+    np.testing.assert_array_equal(lost[0][~chosen], lost[1][~chosen])
+    assert (lost[0][chosen] != lost[1][chosen]).any()
+
+
+def test_the_true_scan_can_share_the_loss_of_the_observed_one() -> None:
+    grid = HeightScan(ahead=2, behind=2, aside=2, spacing=0.05)
+    noisy = replace(SMALL, noise=0.05, delay=0.03)
+    env = SimpleQuadVectorEnv(40, DROPPING, height_scan=noisy, terminate_on_fall=False)
+    env.reset(seed=3)
+    for action in waved(40, 6):
+        observed = env.step(action)[0][:, OBSERVATION_SIZE:]
+    true = env.true_observation(grid)[:, OBSERVATION_SIZE:]
+    shared = env.true_observation(grid, with_scan_loss=True)[:, OBSERVATION_SIZE:]
+    hidden = shared == -2.0
+    np.testing.assert_array_equal(shared[~hidden], true[~hidden])
+    assert (true > -2.0).all()
+    np.testing.assert_array_equal(hidden.all(axis=1), (observed == -2.0).all(axis=1))
+    assert 0.0 < hidden.all(axis=1).mean() < hidden.any(axis=1).mean() == 1.0
