@@ -29,6 +29,8 @@ from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 STUDENT = "student"
 """Name of the policy that is distilled from a controller for a robot."""
+SIGHTED = "sighted"
+"""Name of the policy with a height scan that is distilled from a controller with a height scan for a robot."""
 
 
 def _bundle_names(robot: Robot = SIMPLE_QUAD) -> tuple[str, ...]:
@@ -37,7 +39,7 @@ def _bundle_names(robot: Robot = SIMPLE_QUAD) -> tuple[str, ...]:
     return tuple(sorted(name for name in folders if name.isidentifier()))
 
 
-TRAINED = tuple(sorted({"end_to_end", "residual", "robust", STUDENT, *_bundle_names()}))
+TRAINED = tuple(sorted({"end_to_end", "residual", "robust", SIGHTED, STUDENT, *_bundle_names()}))
 """Names of trained policies. A robot has only those that `trained_names` returns for it."""
 SAFE = "safe:"
 """Prefix of a policy name, as in `safe:trot`, that puts the policy into the safety layer `Safe`."""
@@ -159,7 +161,8 @@ def _summarise_training(name: str, robot: Robot) -> str:
     except (OSError, PolicyError):
         training = {}
     if teacher := training.get("teacher"):
-        return f"network that has learned the actions of {teacher} and runs alone"
+        scan = ", observes a height scan" if training.get("sighted") else ""
+        return f"network that has learned the actions of {teacher}{scan} and runs alone"
     if training.get("recipe") == "improve":
         return "network that has learned the actions of a controller, improved by PPO against harder disturbances"
     return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")

@@ -20,7 +20,7 @@ SUMMARIES = {
     "behaviour": "state machine: stand, walk, run, jump, fall, recover",
     "mpc": "model-predictive control of a trot; joint torques leg by leg",
     "mpc_wbc": "model-predictive control of a trot with a whole-body quadratic program",
-    "mpc_wbc_sighted": "mpc_wbc that also observes a height scan; the only policy that does",
+    "mpc_wbc_sighted": "mpc_wbc that also observes a height scan",
     "mpc_wbc_walk": "walk by mpc_wbc",
     "mpc_wbc_pace": "pace by mpc_wbc",
     "mpc_wbc_bound": "bound by mpc_wbc, with a flight phase",

@@ -19,6 +19,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.registry import scenario
 from quad_env.sensing.height_scan import HeightScan
+from quad_env.sensing.sensor_models import Channel
 from quad_env.task.rewards import user_rewards
 
 PolicyKind = Literal["residual", "end-to-end"]
@@ -388,6 +389,7 @@ def check(config: TrainConfig) -> None:
     except ValueError as error:
         raise UsageError(str(error)) from None
     check_mixture(config.mixture, config.hardware.robot_model)
+    check_scan_rate(config.scan)
     _check_physics_steps(config)
     if config.device == "cuda":
         _check_warp(config)
@@ -399,6 +401,14 @@ def check(config: TrainConfig) -> None:
         raise UsageError("--recipe improve needs --start, the folder of a policy that walks")
     if config.ppo.symmetry != "none" and (config.base not in POSES or config.sighted):
         raise UsageError(f"--ppo.symmetry needs --base {' or '.join(POSES)}, without --sighted")
+
+
+def check_scan_rate(scan: HeightScan) -> None:
+    """Raise UsageError if the control rate is not an integer multiple of the sample rate of a height scan."""
+    try:
+        Channel(1, 1, scan.rate, scan.delay, 1.0 / CONTROL_PERIOD)
+    except ValueError as error:
+        raise UsageError(f"--scan.rate: {error}") from None
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:

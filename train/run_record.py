@@ -167,7 +167,8 @@ def changed_options(default: Any, config: Any) -> str:
         The options, separated by spaces.
     """
     changed = [each for each in differences(default, config) if each.option != "--seed"]
-    return " ".join([*(f"{each.option} {to_words(each.new)}" for each in changed), f"--seed {config.seed}"])
+    words = [each.option if each.new is True else f"{each.option} {to_words(each.new)}" for each in changed]
+    return " ".join([*words, f"--seed {config.seed}"])
 
 
 def evaluation_command(config: TrainConfig) -> str:

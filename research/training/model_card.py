@@ -16,6 +16,7 @@ from policies.base import CONTROL_PERIOD, GaitedPolicy
 from policies.network import ACTIVATION
 from quad_env.cli.format import NO_BREAK, join_names, number
 from quad_env.scenarios.registry import STEADY
+from quad_env.sensing.height_scan import HeightScan
 from research.pages import markdown
 from research.training.card_tables import reference_name, results_table, scores_table, significant_scenarios
 from research.training.trained_run import TrainedRun
@@ -94,7 +95,7 @@ def describe_inputs(shipped: TrainedRun) -> str:
     inputs = policy.features.inputs
     parts = ["the observation"]
     if policy.height_scan is not None:
-        parts.append("a height scan of the ground")
+        parts.append(_describe_scan(policy.height_scan))
     if isinstance(policy.base, GaitedPolicy):
         parts.append("phase and action of the base")
     if inputs.clock:
@@ -108,6 +109,13 @@ def describe_inputs(shipped: TrainedRun) -> str:
         parts.append(f"averages of the observation over {', '.join(f'{time:g}' for time in inputs.averages)} s")
     reads = f" The network reads {policy.network.sizes[0]} numbers: {join_names(parts)}."
     return f"{reads} The policy commands servos of {policy.robot.servo}."
+
+
+def _describe_scan(scan: HeightScan) -> str:
+    """Describe in words a height scan that a network reads: its grid, noise and delay."""
+    rows, columns, _ = scan.grid.shape
+    grid = f"{rows} × {columns} points {scan.spacing:g} m apart"
+    return f"a height scan of the ground ({grid}, noise of {scan.noise:g} m, {scan.delay:g} s late)"
 
 
 def _results_introduction(results: Results) -> str:

@@ -31,7 +31,7 @@ from research.training.action_time import action_times
 from research.training.model_card import GAIT_SCENARIOS, model_card
 from research.training.trained_run import CARD, KINDS, TrainedRun, load_trained_run, start_settings, teacher_settings
 from train.config import TrainConfig
-from train.distillation.config import DistillationConfig
+from train.distillation.config import SIGHTED, DistillationConfig
 from train.run_record import differences
 
 SHIPPED_SEED = 0
@@ -52,6 +52,13 @@ Some scenarios have the robot's hardware profile, which consists of models of it
 last scenarios are a steady walk, on which the gait is measured."""
 
 
+SIGHTED_SCENARIOS = (
+    *("stairs=0.15", "gravel=0.16", "rough=0.24+hardware", "stairs=0.15+hardware", "rough=0.24+scan_dropouts"),
+    *("flat+scan_lost", "push+scan_lost", "rough=0.24+scan_lost", "stairs=0.15+scan_lost"),
+)
+"""Further default scenarios of the evaluation of a policy of the kind `sighted`: uneven ground, and lost scans."""
+
+
 @dataclass(frozen=True)
 class PublishOptions:
     """Options of the command `publish`: training runs, evaluation, and folder of the shipped policy."""
@@ -63,10 +70,11 @@ class PublishOptions:
     """Folder to which the policy and MODEL.md are written; by default POLICY in the models of the robot, for example
     models/residual, models/go1/student or models/go1/end_to_end."""
     policy: str = ""
-    """Kind of the policy that is shipped: residual, end-to-end, student (of a distillation), or robust (PPO that has
-    started with a student); by default the kind of the first run."""
+    """Kind of the policy that is shipped: residual, end-to-end, student (of a distillation), sighted (a student with a
+    height scan), or robust (PPO that has started with a student); by default the kind of the first run."""
     scenarios: tuple[str, ...] | None = None
-    """Evaluated scenarios; by default each kind of disturbance, so severe that robots begin to fail."""
+    """Evaluated scenarios; by default each kind of disturbance, so severe that robots begin to fail, and for a sighted
+    policy also uneven ground and lost scans."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
     """Number of episodes of each policy on each scenario."""
     seed: int = parameter(0, limits=(0, 2**63 - 1))
@@ -127,7 +135,8 @@ def _check_base(shipped: TrainedRun) -> None:
     """Raise UsageError if the base policy in the bundle of a run has other parameters than at present."""
     robot = shipped.config.hardware.robot_model
     base = policies.load(shipped.bundle, robot, servo="own").base
-    if base_to_json(base) != base_to_json(policies.make(base.name, robot=robot, servo="own")):
+    present = policies.make(base.name, robot=robot, servo="own", height_scan=base.height_scan)
+    if base_to_json(base) != base_to_json(present):
         raise UsageError(f"{shipped.label} corrects a {base.name} of other parameters than today's: train it again")
 
 
@@ -149,14 +158,13 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
     from evaluate.analysis.stored_run import analyse_run
     from evaluate.commands.execution import execute
 
-    robot = shipped.config.hardware.robot_model
     teacher = teacher_settings(shipped)
     evaluation = Evaluation(
         policies=(*_compared(runs, shipped), *_entries(runs)),
         trust=teacher.trust,
         robot=shipped.config.robot,
         servo=teacher.servo,
-        scenarios=options.scenarios or tuple(scaled_name(name, robot) for name in SCENARIOS),
+        scenarios=options.scenarios or default_scenarios(shipped),
         episodes=options.episodes,
         seed=options.seed,
         out=options.out,
@@ -167,6 +175,12 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
     execute(check(evaluation))
     run = read_run(options.out)
     return [analyse_run(run, reference) for reference in shipped.references]
+
+
+def default_scenarios(shipped: TrainedRun) -> tuple[str, ...]:
+    """Return the names of the scenarios on which a policy is evaluated by default, scaled to its robot."""
+    names = (*SCENARIOS, *SIGHTED_SCENARIOS) if shipped.kind == SIGHTED else SCENARIOS
+    return tuple(scaled_name(name, shipped.config.hardware.robot_model) for name in names)
 
 
 def _compared(runs: Sequence[TrainedRun], shipped: TrainedRun) -> tuple[str, ...]:

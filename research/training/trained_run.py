@@ -17,17 +17,15 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.robots.robot import Robot
 from train.config import POSES, TrainConfig
-from train.distillation.config import DistillationConfig, distillation_command
+from train.distillation.config import SIGHTED, STUDENT, DistillationConfig, distillation_command
 from train.run_folder import BEST, CHECKPOINTS, CONFIG_FILE, RECORD_FILE
 from train.run_record import decode, from_dict, training_command
 
 CARD = "MODEL.md"
 """File name of the model card, the description of a trained policy."""
-STUDENT = "student"
-"""Kind of a policy that a distillation has trained."""
 IMPROVED = "robust"
 """Kind of a policy that PPO has trained, starting from a student."""
-KINDS = ("residual", "end-to-end", STUDENT, IMPROVED)
+KINDS = ("residual", "end-to-end", STUDENT, SIGHTED, IMPROVED)
 """Kinds of policies that the command `publish` ships."""
 
 
@@ -60,7 +58,7 @@ class TrainedRun:
     def kind(self) -> str:
         """Kind of the policy, one of KINDS."""
         if isinstance(self.config, DistillationConfig):
-            return STUDENT
+            return self.config.policy_name
         return IMPROVED if self.start else self.config.policy
 
     @property
@@ -195,7 +193,8 @@ def find_origin(folder: Path, config: TrainConfig | DistillationConfig) -> tuple
     try:
         settings = start_settings(start)
     except (OSError, ValueError, policies.PolicyError):
-        start = _shipped_start(folder, start, config.hardware.robot_model)
+        student = SIGHTED if config.sighted else STUDENT
+        start = _shipped_start(folder, start, config.hardware.robot_model, student)
         settings = start_settings(start)
     teacher = _distillation_settings(settings).get("teacher")
     return (str(start), str(teacher)) if teacher else ("", "")
@@ -215,13 +214,14 @@ def _distillation_settings(settings: Mapping[str, Any]) -> Mapping[str, Any]:
     return settings
 
 
-def _shipped_start(folder: Path, start: Path, robot: Robot) -> Path:
+def _shipped_start(folder: Path, start: Path, robot: Robot, student: str) -> Path:
     """Return the folder of the shipped student of a robot, in place of a start that is not on this machine.
 
     Args:
         folder: Folder of the run or of the shipped policy, for messages.
         start: Folder of the option --start, which cannot be read.
         robot: Robot of the policy.
+        student: Kind of the student, `student` or `sighted`.
 
     Returns:
         Folder of the shipped student.
@@ -229,7 +229,7 @@ def _shipped_start(folder: Path, start: Path, robot: Robot) -> Path:
     Raises:
         UsageError: No student ships for the robot.
     """
-    shipped = models_folder(robot) / STUDENT
+    shipped = models_folder(robot) / student
     if not (shipped / DESCRIPTION).is_file():
         raise UsageError(f"{folder}: its --start cannot be read, got {start}; valid: a run or bundle at this path")
     print(f"{folder}: its --start {start} is not here; compared with {shipped} instead", file=sys.stderr)

@@ -24,8 +24,8 @@ def one_call_old(owner: type, name: str) -> Plant:
         last: dict[int, Any] = {}
         true_method = getattr(owner, name)
 
-        def stale(self: Any, *args: Any) -> Any:
-            now = true_method(self, *args)
+        def stale(self: Any, *args: Any, **options: Any) -> Any:
+            now = true_method(self, *args, **options)
             before = last.get(id(self), now)
             last[id(self)] = deepcopy(now)
             return before

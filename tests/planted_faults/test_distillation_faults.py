@@ -54,7 +54,7 @@ def _teacher_on_the_students_readings(patch: pytest.MonkeyPatch) -> None:
     true_start, true_step = LabelCollector.start_segment, LabelCollector._step
 
     def show(collector: Any) -> None:
-        collector._teacher._robots.true_observation = lambda _: collector._observation
+        collector._teacher._robots.true_observation = lambda *_, **__: collector._observation
 
     def start(collector: Any, *arguments: Any) -> None:
         true_start(collector, *arguments)

@@ -13,7 +13,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP
-from train.distillation.config import DistillationConfig, check
+from train.distillation.config import DistillationConfig, check, default_settings
 from train.run_folder import CONFIG_FILE, has_checkpoint, steps_done
 from train.run_record import decode, differences
 
@@ -95,12 +95,25 @@ def parse(words: list[str]) -> DistillationConfig:
     config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "")
     if config.resume:
         stored = dataclasses.replace(_load(config.folder), out=config.out)
+        words = _without_flags_of(stored, words)
         config = parse_options(DistillationConfig, words, program=NAME, description="", default=stored)
         if changed := differences(stored, config):
             fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
             raise UsageError(fact)
+    elif config.sighted:
+        default = default_settings(config.sighted)
+        config = parse_options(DistillationConfig, words, program=NAME, description="", default=default)
     check(config)
     return config
+
+
+def _without_flags_of(stored: DistillationConfig, words: list[str]) -> list[str]:
+    """Return the words of a command line without the flags that the `stored` settings have already.
+
+    A flag that is on by default is not an option of the command line any more.
+    """
+    flags = {"--sighted": stored.sighted, "--trust": stored.trust}
+    return [word for word in words if not flags.get(word, False)]
 
 
 def _without_teacher_of_help(words: list[str]) -> list[str]:

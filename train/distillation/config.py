@@ -11,9 +11,22 @@ from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers
-from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, ValidationConfig, check_mixture, check_scenarios
+from quad_env.scenarios.scenario import HARDWARE, SCAN_DROPOUTS, SCAN_LOST
+from quad_env.sensing.height_scan import HeightScan
+from train.config import (
+    MAX_HIDDEN_LAYERS,
+    MAX_SEED,
+    ValidationConfig,
+    check_mixture,
+    check_scan_rate,
+    check_scenarios,
+)
 from train.run_record import changed_options
 
+STUDENT = "student"
+"""Name of a policy that a distillation has trained, without a height scan."""
+SIGHTED = "sighted"
+"""Name of a policy that a distillation has trained, with a height scan."""
 MIXTURE = (
     ("flat:2", 0.08), ("steady", 0.02), ("flat:3", 0.03), ("flat:4", 0.02), ("push:2", 0.05), ("push:3", 0.07),
     ("push:4", 0.03), ("rough:2", 0.04), ("rough:3", 0.05), ("rough:4", 0.03), ("force:2", 0.02), ("force:3", 0.05),
@@ -35,6 +48,61 @@ VALIDATION_SCENARIOS = (
 
 A name such as `latency:3` means level 3 of the disturbance `latency`. The suffix `+hardware` adds the motors, delays
 and sensors of the real robot."""
+TERRAIN_SHARES = {
+    "rough": (0.010, 0.015, 0.035, 0.055, 0.020, 0.008, 0.005),
+    "stairs": (0.010, 0.030, 0.060, 0.020, 0.006, 0.005),
+    "gravel": (0.006, 0.010, 0.025, 0.020, 0.010, 0.005),
+}
+"""Disturbance axis of uneven ground -> fractions of the robots of a sighted student on its levels 1, 2, …"""
+HARDWARE_TERRAIN_SHARES = {
+    "rough": (0.005, 0.008, 0.015, 0.020, 0.006, 0.005, 0.005),
+    "stairs": (0.005, 0.012, 0.020, 0.008, 0.005, 0.005),
+    "gravel": (0.005, 0.005, 0.010, 0.008, 0.005, 0.005),
+}
+"""The fractions `TERRAIN_SHARES` of the same scenarios with the robot's hardware profile."""
+SCAN_LOSS_SHARES = (
+    ("rough:3", SCAN_LOST, "", 0.015), ("rough:4", SCAN_LOST, "", 0.015), ("stairs:2", SCAN_LOST, "", 0.015),
+    ("stairs:3", SCAN_LOST, "", 0.015), ("gravel:3", SCAN_LOST, "", 0.010), ("rough:3", SCAN_LOST, HARDWARE, 0.010),
+    ("stairs:2", SCAN_LOST, HARDWARE, 0.010), ("rough:4", SCAN_DROPOUTS, "", 0.020),
+    ("stairs:3", SCAN_DROPOUTS, "", 0.020), ("gravel:3", SCAN_DROPOUTS, "", 0.010),
+    ("rough:3", SCAN_DROPOUTS, HARDWARE, 0.010), ("stairs:2", SCAN_DROPOUTS, HARDWARE, 0.010),
+)  # fmt: skip
+"""Scenarios of a sighted student whose scan is lost, always or at times: level, suffixes, fraction of the robots."""
+BLIND_FRACTION = 0.33
+"""Fraction of the robots of a sighted student on the scenarios of a blind one, `MIXTURE`, with dropouts of the scan."""
+
+
+def _sighted_mixture() -> tuple[tuple[str, float], ...]:
+    """Return the default scenarios of a sighted student, each with its fraction of the robots."""
+    levels = [
+        (f"{axis}:{level}{suffix}", share)
+        for suffix, axes in (("", TERRAIN_SHARES), (HARDWARE, HARDWARE_TERRAIN_SHARES))
+        for axis, shares in axes.items()
+        for level, share in enumerate(shares, 1)
+    ]
+    lost = [(f"{name}{loss}{profile}", share) for name, loss, profile, share in SCAN_LOSS_SHARES]
+    given = {name for name, _ in (*levels, *lost)}
+    blind = [
+        (f"{name.removesuffix(HARDWARE)}{SCAN_DROPOUTS}{HARDWARE * name.endswith(HARDWARE)}", BLIND_FRACTION * share)
+        for name, share in MIXTURE
+    ]
+    return (*levels, *lost, *((name, share) for name, share in blind if name not in given))
+
+
+SIGHTED_MIXTURE = _sighted_mixture()
+"""Default scenarios on which a student with a height scan is trained, each with the fraction of the robots on it.
+
+Uneven ground is included at every level, with and without the robot's hardware profile. The scan of some robots is lost
+in the whole episode. On the scenarios of a blind student, the scan fails at times, and for a quarter of the episodes in
+the whole episode, so that the student does not depend on it."""
+SIGHTED_VALIDATION_SCENARIOS = (*VALIDATION_SCENARIOS, "rough:4", "stairs:3", f"rough:4{SCAN_LOST}")
+"""Names of the scenarios on which a student with a height scan is validated by default.
+
+On SimpleQuad `rough:4` has 0.24 m from valley to peak, and `stairs:3` a rise of 0.15 m."""
+SIGHTED_LABELS = 2_800_000
+"""Default number of labels of a student with a height scan."""
+STUDENT_SCAN = HeightScan(spacing=0.075, noise=0.02, delay=0.04)
+"""Default height scan of a student: 17 x 11 points, with the noise and the delay of a map from depth cameras."""
 HISTORY_INPUTS = Inputs(lags=(0.01, 0.02, 0.04, 0.08, 0.12), averages=(0.3, 1.5))
 """Default inputs of the student's network in addition to the current observation.
 
@@ -110,6 +178,11 @@ class DistillationConfig:
     """Fraction of the time in which the teacher controls a robot, for each round; later rounds have the last value."""
     drive_time: tuple[float, float] = dataclasses.field(default=(0.2, 1.5), metadata={"limits": (0.01, 100.0)})
     """Shortest and longest time for which teacher or student controls a robot before the next random choice, s."""
+    sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Give the student a height scan of the ground around the robot, see --scan; the teacher must have one too. The
+    defaults of --mixture, --labels and --validation.scenarios then include rough ground, stairs, gravel and lost scans.
+    """
+    scan: HeightScan = STUDENT_SCAN
     noise: float = parameter(0.04, limits=(0.0, 10.0))
     """Standard deviation of the noise on the joint targets, as change of the servo torque / (robot weight x leg
     length). The noise is added in half of the times in which the teacher controls a robot."""
@@ -143,7 +216,18 @@ class DistillationConfig:
     @property
     def folder(self) -> Path:
         """Folder of the run: `out`, or the default folder if `out` is None."""
-        return self.out if self.out is not None else Path("runs") / f"{Path(self.robot).stem}-student-{self.seed}"
+        name = f"{Path(self.robot).stem}-{self.policy_name}-{self.seed}"
+        return self.out if self.out is not None else Path("runs") / name
+
+    @property
+    def policy_name(self) -> str:
+        """Name of the trained policy, which is also its kind: `sighted` with a height scan, otherwise `student`."""
+        return SIGHTED if self.sighted else STUDENT
+
+    @property
+    def height_scan(self) -> HeightScan | None:
+        """Height scan in the observation of the student; None if the student has none."""
+        return self.scan if self.sighted else None
 
     @property
     def has_student_clock(self) -> bool:
@@ -170,6 +254,18 @@ class DistillationConfig:
         return -(-self.labels // self.round_labels)
 
 
+def default_settings(sighted: bool) -> DistillationConfig:
+    """Return the settings that options have if they are not given, for a student that is sighted or not.
+
+    Whether the student is sighted is an option itself, so that the result is not.
+    """
+    default = DistillationConfig()
+    if not sighted:
+        return default
+    validation = dataclasses.replace(default.validation, scenarios=SIGHTED_VALIDATION_SCENARIOS)
+    return dataclasses.replace(default, labels=SIGHTED_LABELS, mixture=SIGHTED_MIXTURE, validation=validation)
+
+
 def check(config: DistillationConfig) -> None:
     """Check that a distillation can run with the given settings.
 
@@ -187,6 +283,9 @@ def check(config: DistillationConfig) -> None:
         raise UsageError("--teacher-share needs at least one number")
     if config.drive_time[0] > config.drive_time[1]:
         raise UsageError(f"--drive-time: the shortest time, {config.drive_time[0]:g} s, is above the longest")
+    if not config.sighted and config.scan != STUDENT_SCAN:
+        raise UsageError(f"--scan: needs --sighted, got {config.scan}; valid: --scan options with --sighted")
+    check_scan_rate(config.scan)
     try:
         hardware.check_hardware(config.hardware)
     except ValueError as error:
@@ -198,5 +297,5 @@ def check(config: DistillationConfig) -> None:
 
 def distillation_command(config: DistillationConfig) -> str:
     """Return the command line that repeats the distillation with the settings `config`."""
-    default = DistillationConfig(teacher=config.teacher)
+    default = dataclasses.replace(default_settings(config.sighted), teacher=config.teacher)
     return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"

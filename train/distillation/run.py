@@ -30,7 +30,7 @@ from train.distillation.collection import LabelCollector
 from train.distillation.config import DistillationConfig, distillation_command
 from train.distillation.labels import LabelStore
 from train.distillation.student import Learner, StudentNetwork, make_policy, make_pose
-from train.distillation.teacher import PrivilegedTeacher, make_teacher, student_inputs
+from train.distillation.teacher import PrivilegedTeacher, check_scans, make_teacher, student_inputs
 from train.learning_curve import write_curve
 from train.run_folder import (
     BEST,
@@ -106,6 +106,7 @@ def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVector
             "DISABLED",
             max_episode_steps=config.max_episode_steps,
             robot=robot,
+            height_scan=config.height_scan,
         )
         for name, count in counts.items()
     ]
@@ -149,11 +150,12 @@ class Distillation:
         self._config = config
         self._interrupt = interrupt
         teacher = make_teacher(config)
+        self._scan_notices = check_scans(config, teacher)
         self._robot = teacher.robot
         self._inputs = student_inputs(config, teacher)
         self._robots = make_robots(config, self._robot)
         self._teacher = PrivilegedTeacher(config, self._robots)
-        features = Features(make_pose(self._robot), self._inputs)
+        features = Features(make_pose(self._robot, config.height_scan), self._inputs)
         authority = authority_of(self._robot, config.hip_authority, config.joint_authority)
         self._collector = LabelCollector(config, self._robots, self._teacher, features, authority)
         self._network = StudentNetwork([features.width, *config.fit.hidden, len(authority)], config.seed)
@@ -171,7 +173,8 @@ class Distillation:
         config = self._config
         if self._state.is_finished:
             raise UsageError(f"the run in {config.folder} is finished")
-        for notice in (*(f"skipped a checkpoint: {each}" for each in self._damaged), *self._write_settings()):
+        damaged = [f"skipped a checkpoint: {each}" for each in self._damaged]
+        for notice in (*self._scan_notices, *damaged, *self._write_settings()):
             self._print(notice)
         with contextlib.closing(self._robots):
             while self._state.rounds < config.rounds:

@@ -16,6 +16,7 @@ from policies.poses import Stand
 from policies.residual import ResidualPolicy, authority_of
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import HeightScan
 from train.distillation.config import DistillationConfig, FitConfig
 from train.distillation.labels import LabelSampler
 from train.residual_env import FloatArray
@@ -30,12 +31,15 @@ MAX_GRADIENT_NORM = 1.0
 """Largest norm of the gradient of the student's loss; a larger gradient is scaled down to this norm."""
 
 
-def make_pose(robot: Robot) -> Stand:
+def make_pose(robot: Robot, height_scan: HeightScan | None = None) -> Stand:
     """Make the base policy of a student: it holds the home pose of `robot`, with the servo gains of `robot`.
 
-    The network of the student adds corrections to the joint angles of the home pose.
+    The network of the student adds corrections to the joint angles of the home pose. `height_scan` is the height scan
+    in the observation of the student; None for a student without one.
     """
-    return Stand(robot=robot.with_servo())
+    pose = Stand(robot=robot.with_servo())
+    pose.height_scan = height_scan
+    return pose
 
 
 def torque_unit_as_angle(robot: Robot) -> Floats:
@@ -183,4 +187,5 @@ def make_policy(config: DistillationConfig, robot: Robot, network: Network, inpu
         The policy, which can be saved as a policy bundle.
     """
     authority = authority_of(robot, config.hip_authority, config.joint_authority)
-    return ResidualPolicy(make_pose(robot), network, authority, "student", inputs, config.hold)
+    pose = make_pose(robot, config.height_scan)
+    return ResidualPolicy(pose, network, authority, config.policy_name, inputs, config.hold)

@@ -1,6 +1,7 @@
 """Teacher of a distillation: the policy that a network learns to imitate.
 
-The teacher observes the true state of every robot, even if the observations of the network have noise and delay.
+The teacher observes the true state of every robot, even if the observations of the network have noise and delay. If
+the height scan of the network is lost, the teacher does not have one either.
 """
 
 import dataclasses
@@ -74,8 +75,37 @@ def student_inputs(config: DistillationConfig, teacher: Policy) -> Inputs:
     return inputs
 
 
+def check_scans(config: DistillationConfig, teacher: Policy) -> list[str]:
+    """Check that teacher and student fit together in what they see of the ground.
+
+    Args:
+        config: Settings of the distillation.
+        teacher: Teacher of the student.
+
+    Returns:
+        Messages for the user: one if the teacher has a height scan and the student has none, which is allowed.
+
+    Raises:
+        UsageError: The student has a height scan and the teacher has none.
+    """
+    has_scan = teacher.height_scan is not None
+    if config.sighted and not has_scan:
+        fact = f"the teacher has no height scan, got {config.teacher}"
+        raise UsageError(f"--sighted: {fact}; valid: mpc_wbc_sighted or another policy with a height scan")
+    if config.sighted or not has_scan:
+        return []
+    return [
+        f"--sighted: not given, but {config.teacher} has a height scan; the student has none, and learns the mean of "
+        "the teacher's actions over all ground that it cannot see"
+    ]
+
+
 class PrivilegedTeacher:
     """Teacher of n robots that observes their true states.
+
+    A teacher with a height scan has it without noise and delay. Points that the student's own scan does not show,
+    because it is lost, are hidden from the teacher too. The teacher then acts as it does without a scan, and the
+    student can learn this.
 
     The teacher consists of two policies. The first controls robots on scenarios with the robot's hardware profile
     (motors, delays and sensors of the real robot). The second controls robots on all other scenarios.
@@ -124,7 +154,7 @@ class PrivilegedTeacher:
         Returns:
             Joint targets, (n, 12), rad.
         """
-        observation = self._robots.true_observation(self._height_scan)
+        observation = self._robots.true_observation(self._height_scan, with_scan_loss=True)
         actions = np.empty((self._robots.num_envs, self._robots.robot.num_joints), np.float32)
         for policy, rows in self._groups:
             if self._has_student_clock and isinstance(policy, ModelBased):
