@@ -101,7 +101,7 @@ def parse(words: list[str]) -> DistillationConfig:
             fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
             raise UsageError(fact)
     elif config.sighted:
-        default = default_settings(config.sighted)
+        default = default_settings(config)
         config = parse_options(DistillationConfig, words, program=NAME, description="", default=default)
     check(config)
     return config

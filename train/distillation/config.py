@@ -67,7 +67,7 @@ SCAN_LOSS_SHARES = (
     ("stairs:3", SCAN_DROPOUTS, "", 0.020), ("gravel:3", SCAN_DROPOUTS, "", 0.010),
     ("rough:3", SCAN_DROPOUTS, HARDWARE, 0.010), ("stairs:2", SCAN_DROPOUTS, HARDWARE, 0.010),
 )  # fmt: skip
-"""Scenarios of a sighted student whose scan is lost, always or at times: level, suffixes, fraction of the robots."""
+"""Scenarios of a sighted student with a lost scan, always or at times: level, suffixes, fraction of the robots."""
 BLIND_FRACTION = 0.33
 """Fraction of the robots of a sighted student on the scenarios of a blind one, `MIXTURE`, with dropouts of the scan."""
 
@@ -254,13 +254,13 @@ class DistillationConfig:
         return -(-self.labels // self.round_labels)
 
 
-def default_settings(sighted: bool) -> DistillationConfig:
-    """Return the settings that options have if they are not given, for a student that is sighted or not.
+def default_settings(given: DistillationConfig) -> DistillationConfig:
+    """Return the default settings of a distillation with the teacher of `given`, and for a sighted student if it is.
 
-    Whether the student is sighted is an option itself, so that the result is not.
+    The flag --sighted itself is off in the result, so that a command line can have it.
     """
-    default = DistillationConfig()
-    if not sighted:
+    default = DistillationConfig(teacher=given.teacher)
+    if not given.sighted:
         return default
     validation = dataclasses.replace(default.validation, scenarios=SIGHTED_VALIDATION_SCENARIOS)
     return dataclasses.replace(default, labels=SIGHTED_LABELS, mixture=SIGHTED_MIXTURE, validation=validation)
@@ -297,5 +297,5 @@ def check(config: DistillationConfig) -> None:
 
 def distillation_command(config: DistillationConfig) -> str:
     """Return the command line that repeats the distillation with the settings `config`."""
-    default = dataclasses.replace(default_settings(config.sighted), teacher=config.teacher)
+    default = default_settings(config)
     return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"

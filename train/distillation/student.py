@@ -34,8 +34,14 @@ MAX_GRADIENT_NORM = 1.0
 def make_pose(robot: Robot, height_scan: HeightScan | None = None) -> Stand:
     """Make the base policy of a student: it holds the home pose of `robot`, with the servo gains of `robot`.
 
-    The network of the student adds corrections to the joint angles of the home pose. `height_scan` is the height scan
-    in the observation of the student; None for a student without one.
+    The network of the student adds corrections to the joint angles of the home pose.
+
+    Args:
+        robot: Robot of the student.
+        height_scan: Height scan in the observation of the student; None for a student without one.
+
+    Returns:
+        The base policy.
     """
     pose = Stand(robot=robot.with_servo())
     pose.height_scan = height_scan

@@ -76,7 +76,7 @@ def student_inputs(config: DistillationConfig, teacher: Policy) -> Inputs:
 
 
 def check_scans(config: DistillationConfig, teacher: Policy) -> list[str]:
-    """Check that teacher and student fit together in what they see of the ground.
+    """Check that the height scans of teacher and student fit together.
 
     Args:
         config: Settings of the distillation.

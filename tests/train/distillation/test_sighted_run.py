@@ -32,7 +32,8 @@ COMMON = (
     "flat --validation.interval 400"
 )
 SCAN_OPTIONS = "--scan.ahead 2 --scan.behind 1 --scan.aside 1 --scan.spacing 0.15 --scan.noise 0.02 --scan.delay 0.02"
-WORDS = [*f"--teacher mpc_wbc_sighted --sighted {SCAN_OPTIONS} {COMMON}".split()]
+SIGHTED = "--teacher mpc_wbc_sighted --sighted"
+WORDS = [*f"{SIGHTED} {SCAN_OPTIONS} {COMMON}".split()]
 
 
 @pytest.fixture(scope="module")
@@ -97,13 +98,14 @@ def test_the_recorded_command_repeats_the_settings(finished: Path) -> None:
 
 
 def test_a_sighted_student_has_its_own_defaults_which_options_change() -> None:
-    config = distil.parse(["--teacher", "mpc_wbc_sighted", "--sighted"])
+    config = distil.parse(SIGHTED.split())
     assert config.mixture == settings.SIGHTED_MIXTURE
     assert config.validation.scenarios == settings.SIGHTED_VALIDATION_SCENARIOS
     assert (config.labels, config.folder.name) == (settings.SIGHTED_LABELS, "simple_quad-sighted-0")
     assert config.height_scan == settings.STUDENT_SCAN
     assert config.height_scan.noise > 0.0 < config.height_scan.delay
-    changed = distil.parse("--teacher mpc_wbc_sighted --sighted --labels 9 --mixture flat 1 --scan.noise 0.1".split())
+    words = f"{SIGHTED} --labels 9 --mixture flat 1 --scan.noise 0.1"
+    changed = distil.parse(words.split())
     assert (changed.labels, changed.mixture, changed.scan.noise) == (9, (("flat", 1.0),), 0.1)
     blind = distil.parse(["--teacher", "mpc_wbc_sighted"])
     assert (blind.mixture, blind.folder.name) == (settings.MIXTURE, "simple_quad-student-0")
@@ -113,7 +115,7 @@ def test_a_sighted_student_has_its_own_defaults_which_options_change() -> None:
 @pytest.mark.parametrize("suffix", ["", HARDWARE])
 @pytest.mark.parametrize("axis", ["rough", "stairs", "gravel"])
 def test_the_mixture_has_a_robot_on_every_level_of_uneven_ground(axis: str, suffix: str) -> None:
-    config = distil.parse(["--teacher", "mpc_wbc_sighted", "--sighted"])
+    config = distil.parse(SIGHTED.split())
     counts = distribute_robots(config.mixture, config.envs, SIMPLE_QUAD)
     levels = range(1, len(axes_of(SIMPLE_QUAD)[axis].levels) + 1)
     assert [counts.get(f"{axis}:{level}{suffix}", 0) > 0 for level in levels] == [True] * len(levels)
