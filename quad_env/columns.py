@@ -56,17 +56,28 @@ def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
     return to_scalars if env_ids is None else lambda rows: to_components(rows[env_ids])
 
 
-def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray[np.float32]:
-    """Concatenate the components of all `vectors` into a new array of float32.
+def clipped_rows(
+    vectors: Sequence[Components[ScalarOrBatch]], limits: tuple[NDArray[np.float32], NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """Concatenate the components of all `vectors` to a new array of float32 with one row per robot, and clip them.
 
-    The result has the shape (k,) for one robot, or (k, n) for n robots, with k the total number of components.
+    Args:
+        vectors: Vectors with k components together.
+        limits: Lower and upper bound of each component, (k,) each.
+
+    Returns:
+        Clipped components, (k,) for one robot, or (n, k) for n robots.
     """
     if isinstance(vectors[0][0], float):
         flat: list[Any] = []
         for vector in vectors:
             flat += vector
-        return np.array(flat, np.float32)
-    return np.concatenate(vectors, dtype=np.float32, casting="same_kind")
+        rows = np.array(flat, np.float32)
+    else:
+        rows = np.concatenate(vectors, dtype=np.float32, casting="same_kind").T
+    lower, upper = limits
+    np.minimum(rows, upper, out=rows)
+    return np.maximum(rows, lower, out=rows)
 
 
 def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
@@ -80,6 +91,13 @@ def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
     return out  # type: ignore[no-any-return]
 
 
+def zeros_by_key(keys: Iterable[str], like: ScalarOrBatch) -> dict[str, ScalarOrBatch]:
+    """Return a dictionary with each key of `keys`; each value is 0.0, or a new array of zeros, (n,), as `like` is."""
+    if isinstance(like, float):
+        return dict.fromkeys(keys, 0.0)
+    return {key: np.zeros_like(like) for key in keys}
+
+
 def differences(
     x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]
 ) -> Components[ScalarOrBatch]:
@@ -89,22 +107,36 @@ def differences(
 
 def sum_of_squares(x: Components[ScalarOrBatch]) -> ScalarOrBatch:
     """Return the sum of squares Σ xᵢ² over the components of the vector `x`, for each robot."""
-    products: Iterable[ScalarOrBatch] = map(operator.mul, x, x)
-    return ordered_sum(products)
+    out: Any = 0.0
+    for value in x:
+        out += value * value
+    return out  # type: ignore[no-any-return]
+
+
+def sum_of_squared_differences(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]) -> ScalarOrBatch:
+    """Return the sum of squares Σ (xᵢ - yᵢ)² of the differences of the vectors `x` and `y`, for each robot."""
+    out: Any = 0.0
+    for difference in map(operator.sub, x, y):
+        out += difference * difference
+    return out  # type: ignore[no-any-return]
 
 
 def sum_of_magnitudes(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]) -> ScalarOrBatch:
     """Return the sum of magnitudes Σ |xᵢ yᵢ| over the components of the vectors `x` and `y`, for each robot."""
-    products: Iterable[ScalarOrBatch] = map(operator.mul, x, y)
-    return ordered_sum(map(abs, products))
+    out: Any = 0.0
+    for product in map(operator.mul, x, y):
+        out += abs(product)
+    return out  # type: ignore[no-any-return]
 
 
 def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
     """Return the fraction, 0 to 1, of the components of the vector `x` with a magnitude above `bound`."""
     if isinstance(x, np.ndarray):
         return cast("ScalarOrBatch", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
-    # A list is summed, because a generator would be slower here.
-    return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
+    # The comparison with the bound is the usual case, and faster than the count.
+    is_within = max(x) <= bound and min(x) >= -bound
+    fraction: Any = 0.0 if is_within else sum(abs(value) > bound for value in x) / len(x)
+    return fraction  # type: ignore[no-any-return]
 
 
 def sqrt(x: ScalarOrBatch) -> ScalarOrBatch:
@@ -148,6 +180,11 @@ def where(truth: Any, x: Any, y: Any) -> Any:
 def any_true(truth: BoolOrMask) -> bool:
     """Return True if the bool `truth` is True, or the mask `truth`, (n,), is True for any robot."""
     return truth if isinstance(truth, bool) else bool(truth.any())
+
+
+def all_true(truth: BoolOrMask) -> bool:
+    """Return True if the bool `truth` is True, or the mask `truth`, (n,), is True for all robots."""
+    return truth if isinstance(truth, bool) else bool(truth.all())
 
 
 def not_finite(x: Components[ScalarOrBatch]) -> BoolOrMask:

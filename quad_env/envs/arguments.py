@@ -1,5 +1,6 @@
 """Checks of the arguments of the environments: a check returns the valid value, or raises ValueError."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -193,7 +194,15 @@ def check_joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, uppe
     if array.shape != shape:
         raise ValueError(f"the action has shape {array.shape}; wanted {shape} joint targets in rad")
     targets: Array = array.astype(np.float64)
-    if np.count_nonzero(np.isfinite(targets)) < targets.size:
+    if not _all_finite(targets):
         raise ValueError("an action is finite joint targets in rad")
     np.maximum(targets, lower, out=targets)
     return np.minimum(targets, upper, out=targets)
+
+
+def _all_finite(targets: Array) -> bool:
+    """Return True if all `targets` are finite, (12,) or (n, 12)."""
+    # The sum is fast for the targets of one robot, but it may also overflow; then, each target is checked.
+    if targets.ndim == 1 and math.isfinite(sum(targets.tolist())):
+        return True
+    return bool(np.count_nonzero(np.isfinite(targets)) == targets.size)

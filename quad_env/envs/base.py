@@ -28,7 +28,7 @@ from quad_env.columns import (
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
 from quad_env.physics.model import Mounting
-from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
+from quad_env.physics.simulation import ALL, Coordinates, Simulation, SimulationConfig
 from quad_env.physics.simulators import MUJOCO
 from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
@@ -47,6 +47,9 @@ from quad_env.serialisation import from_json_values
 from quad_env.task.observations import ObservationTerm, user_terms
 from quad_env.task.rewards import FOOT_TERMS, reward_terms, step_weights, user_rewards
 from quad_env.task.terminations import fall_reason_code
+
+STATE_KEYS = ("mechanical_power", "overspeed")
+"""Keys in the infos of the terms of a step that are no reward terms."""
 
 
 class EnvKwargs(TypedDict, total=False):
@@ -213,8 +216,14 @@ class QuadEnvBase:
         self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
         self._reward_weights = step_weights(weights, self.dt)
         self._user_rewards = user_rewards(options.rewards)
-        self._reward_keys = (*self._reward_weights, *self._user_rewards)
+        self._reward_keys = (*self._reward_weights.keys, *self._user_rewards)
         """Keys of all reward terms in the infos, `reward_<name>`; the reward is the sum of these terms."""
+        weighted_keys = (*self._reward_weights.weighted_keys, *self._user_rewards)
+        self._weighted_keys = weighted_keys or self._reward_keys
+        """Keys of the reward terms that are not always 0, or all keys if all terms are always 0.
+
+        A built-in term with the weight 0 is always 0.
+        """
         self._user_terms = user_terms(options.observations)
         has_weighted_feet = any(getattr(weights, name) != 0.0 for name in FOOT_TERMS)
         self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
@@ -318,14 +327,14 @@ class QuadEnvBase:
         Returns:
             State, observation, reward terms and termination flags after the step.
         """
-        moving = ALL if env_ids is None else env_ids
-        delayed_targets = self._apply_action(targets, moving)
-        self._simulate(targets, delayed_targets, moving)
-        diverged = self._reset_diverged(env_ids)
-        state = self._compute_state(env_ids)
+        has_delay = self._action_delay is not None
+        delayed_targets = self._apply_action(targets, ALL if env_ids is None else env_ids) if has_delay else None
+        self._simulate(targets, delayed_targets, env_ids)
+        diverged, coordinates = self._reset_diverged(env_ids)
+        state = self._compute_state(env_ids, coordinates)
         fall, terminated = self._terminate(state, diverged)
         terms = self._step_terms(state, terminated, diverged)
-        self._schedule.resample_commands(moving)
+        self._schedule.resample_commands(env_ids)
         observation = self._observe(state, env_ids)
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
@@ -339,31 +348,48 @@ class QuadEnvBase:
             return None
         return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
 
-    def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection) -> None:
+    def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection | None) -> None:
         """Advance the physics and the step counts of the robots `env_ids` by a control period.
 
         `targets` are the joint targets of the policies, and `delayed_targets` the targets that the servos receive,
-        each (n, 12), rad. If `delayed_targets` is None, the servos receive `targets`.
+        each (n, 12), rad. If `delayed_targets` is None, the servos receive `targets`. If `env_ids` is None, the batch
+        has one robot.
         """
         schedule = self._schedule
-        self.simulation.step(targets, schedule.push_force(), env_ids, delayed_targets)
-        self._tracked_command[env_ids] = schedule.command[env_ids]
-        schedule.step_count[env_ids] += 1
+        moving = ALL if env_ids is None else env_ids
+        self.simulation.step(targets, schedule.push_force(), moving, delayed_targets)
+        self._tracked_command[moving] = schedule.command[moving]
+        schedule.count_step(env_ids)
 
-    def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
-        """Put robots with a diverged simulation into the home pose, and return True for these robots, (k,).
+    def _reset_diverged(self, env_ids: EnvSelection | None) -> tuple[BoolOrMask, Coordinates[Any]]:
+        """Put robots with a diverged simulation into the home pose.
 
         The states of these robots may contain infinite numbers or NaN; the home pose makes the states finite.
+
+        Args:
+            env_ids: Indices of k robots, or a slice; None for the only robot of a batch of one.
+
+        Returns:
+            diverged: True for robots with a diverged simulation, (k,), or a bool if `env_ids` is None.
+            coordinates: Generalised coordinates of the k robots, which are finite.
         """
-        diverged: BoolOrMask = self.simulation.diverged(env_ids)
+        diverged: BoolOrMask
+        coordinates, diverged = self.simulation.read_coordinates(env_ids)
         if any_true(diverged):
             rows = self._rows if env_ids is None else self._rows[env_ids]
             self.simulation.reset_diverged(rows[np.atleast_1d(diverged)])
-        return diverged
+            coordinates, _ = self.simulation.read_coordinates(env_ids)
+        return diverged, coordinates
 
-    def _compute_state(self, env_ids: EnvSelection | None) -> QuadState[Any]:
-        """Return the present state of the robots `env_ids`, with the velocity command of their last step."""
-        return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
+    def _compute_state(
+        self, env_ids: EnvSelection | None, coordinates: Coordinates[Any] | None = None
+    ) -> QuadState[Any]:
+        """Return the present state of the robots `env_ids`, with the velocity command of their last step.
+
+        `coordinates` are the present generalised coordinates of these robots; None to read them.
+        """
+        command = component_reader(env_ids)(self._tracked_command)
+        return self.simulation.state(command, env_ids, coordinates)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
         """Return the reasons of falls, and True for robots with an episode that ends in this step.

@@ -1,5 +1,6 @@
 """The single environment of one robot, which computes with Python floats, because they are faster than arrays."""
 
+from dataclasses import dataclass
 from typing import Any, ClassVar, Unpack
 
 import gymnasium as gym
@@ -9,14 +10,31 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
+from quad_env.config import FALL_REASONS
 from quad_env.envs.arguments import check_frame, check_joint_targets, parse_reset_options, warn_no_render_mode
-from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepOutcome
+from quad_env.envs.base import STATE_KEYS, EnvKwargs, QuadEnvBase, StepOutcome
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import assign_seeds
 
 RENDER_MODES = ("rgb_array", "human")
+_FALL_CODES = tuple(np.int8(code) for code in range(len(FALL_REASONS)))
+"""Code of each fall reason as an info; an info has a NumPy type."""
+
+
+@dataclass(slots=True)
+class _Status:
+    """Status of the episode; not attributes of the environment, because these are checked at each assignment."""
+
+    started: bool = False
+    """True after the first reset of the environment."""
+    fall: int = 0
+    """Index of the reason of the fall in `config.FALL_REASONS`; 0 for no fall."""
+    diverged: bool = False
+    """True if the simulation has diverged."""
+    terminated: bool = False
+    """True if the episode has ended by a fall or a diverged simulation."""
 
 
 class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -92,11 +110,11 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._fall = 0
-        self._started = False
-        self._diverged = False
-        self._terminated = False
+        self._status = _Status()
         self._frame = (width, height, camera)
+        self._zero_terms = dict.fromkeys((*STATE_KEYS, *self._reward_keys), np.float64(0.0))
+        self._computed_keys = (*STATE_KEYS, *self._weighted_keys)
+        """Keys of the terms in the infos that are not always 0."""
         self._made = True
 
     @property
@@ -137,10 +155,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self._schedule.reseed(seed, mask)
         self._move(moved_scenarios)
         self._reset_episodes(self._rows, self._schedule.reset(self._rows, fixed_command))
-        self._fall = 0
-        self._started = True
-        self._diverged = False
-        self._terminated = False
+        self._status = _Status(started=True)
         self.simulation.sync_model(0)
         observation, info = self._current_observation()
         if self.render_mode == "human":
@@ -167,24 +182,25 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             ResetNeeded: The environment was never reset.
         """
         targets = check_joint_targets(action, self._lower.shape, self._lower, self._upper)
-        if not self._started:
+        status = self._status
+        if not status.started:
             raise ResetNeeded("reset the environment before the first step")
-        if self._terminated:
+        if status.terminated:
             observation, info = self._current_observation()
             return observation, 0.0, True, False, info
         result: StepOutcome[float] = self._advance(targets[None], None)
-        self._fall = result.fall
-        self._diverged = bool(result.diverged)
-        self._terminated = bool(result.terminated)
-        reward = columns.ordered_sum(map(result.terms.__getitem__, self._reward_keys))
+        status.fall = result.fall
+        status.diverged = bool(result.diverged)
+        status.terminated = bool(result.terminated)
+        reward = columns.ordered_sum(map(result.terms.__getitem__, self._weighted_keys))
         if self.render_mode == "human":
             self.render()
-        return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
+        return result.observation, reward, status.terminated, False, self._info(result.state, result.terms)
 
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
         """Return the observation and the info of the present state; all reward terms in the info are 0."""
         state: QuadState[float] = self._compute_state(None)
-        terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
+        terms = dict.fromkeys(self._computed_keys, 0.0)
         return self._observe(state, None), self._info(state, terms)
 
     def _info(self, state: QuadState[float], terms: dict[str, float]) -> dict[str, Any]:
@@ -196,11 +212,13 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
-            "fall": np.int8(self._fall),
+            "fall": _FALL_CODES[self._status.fall],
             # The bool becomes an array, because Gymnasium's vector envs collect `np.bool_` in an array of objects.
-            "diverged": np.array(self._diverged),
-            **{key: np.float64(value) for key, value in terms.items()},
+            "diverged": np.array(self._status.diverged),
+            **self._zero_terms,
         }
+        for key in self._computed_keys:
+            info[key] = np.float64(terms[key])
         for key, values in self._observation_model.readings().items():
             info[key] = values[0]
         return info

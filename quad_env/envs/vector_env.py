@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env import columns
 from quad_env.columns import Array, EnvIndices, EnvSelection, Mask, component_reader
 from quad_env.envs import arguments
-from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepOutcome
+from quad_env.envs.base import STATE_KEYS, EnvKwargs, QuadEnvBase, StepOutcome
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
@@ -165,7 +165,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         result: StepOutcome[Array] = self._advance(targets, moving)
         self._store(result, moving)
         terms = {key: self._scatter(values, moving) for key, values in result.terms.items()}
-        rewards = columns.ordered_sum(terms[key] for key in self._reward_keys)
+        rewards = columns.ordered_sum(map(terms.__getitem__, self._weighted_keys))
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
             self._start_episodes(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
@@ -289,7 +289,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
     def _zero_terms(self) -> Infos:
         """Return zeros, (n,), for the keys of the mechanical power, overspeed and all reward terms in the infos."""
-        return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
+        return {key: np.zeros(self.num_envs) for key in (*STATE_KEYS, *self._reward_keys)}
 
     def _infos(self, terms: Infos) -> Infos:
         """Return all infos of a step or reset, key -> array (n, ...), with the mask `_<key>` of each key.

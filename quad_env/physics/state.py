@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
 
-from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, sqrt, sum_of_magnitudes, where
+from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, all_true, sqrt, sum_of_magnitudes, where
 
 Rotation = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch], Components[ScalarOrBatch]]
 """Rotation matrix from the base frame to the world frame: three rows of three components each."""
@@ -108,10 +108,19 @@ def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrB
     x = x / norm
     y = y / norm
     z = z / norm
+    xx = x * x
+    yy = y * y
+    zz = z * z
+    xy = x * y
+    xz = x * z
+    yz = y * z
+    wx = w * x
+    wy = w * y
+    wz = w * z
     return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        (1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)),
+        (2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)),
+        (2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)),
     )
 
 
@@ -149,9 +158,12 @@ def to_heading(
     forward_x, forward_y = rotation[0][0], rotation[1][0]
     length = sqrt(forward_x * forward_x + forward_y * forward_y)
     has_heading = length > 1e-6
-    divisor = where(has_heading, length, 1.0)
-    cos = where(has_heading, forward_x / divisor, 1.0)
-    sin = where(has_heading, forward_y / divisor, 0.0)
+    if not all_true(has_heading):
+        length = where(has_heading, length, 1.0)
+        forward_x = where(has_heading, forward_x, 1.0)
+        forward_y = where(has_heading, forward_y, 0.0)
+    cos = forward_x / length
+    sin = forward_y / length
     x, y = vector_world[0], vector_world[1]
     return cos * x + sin * y, cos * y - sin * x
 

@@ -108,11 +108,23 @@ class EpisodeSchedule:
         self._manual_push_end[env_ids] = 0
         return [self._episodes[i] for i in env_ids]
 
-    def resample_commands(self, env_ids: EnvSelection) -> None:
+    def count_step(self, env_ids: EnvSelection | None) -> None:
+        """Add 1 to the elapsed control steps of the robots `env_ids`; None means the only robot of a batch of one."""
+        if env_ids is None:
+            self.step_count[0] += 1  # An addition to one item is ten times faster than to a slice.
+        else:
+            self.step_count[env_ids] += 1
+
+    def resample_commands(self, env_ids: EnvSelection | None) -> None:
         """Draw a new velocity command for each of the robots `env_ids` with an expired command interval.
 
-        `CommandRanges.interval` is the length of an interval, s. Robots with a fixed command keep this command.
+        `CommandRanges.interval` is the length of an interval, s. Robots with a fixed command keep this command. If
+        `env_ids` is None, the batch has one robot.
         """
+        if env_ids is None:
+            if self.step_count.item(0) < self._next_command_step.item(0):
+                return
+            env_ids = slice(None)
         is_due = self.step_count[env_ids] >= self._next_command_step[env_ids]
         if np.count_nonzero(is_due):
             for i in np.arange(len(self.step_count))[env_ids][is_due]:

@@ -1,6 +1,6 @@
 """Observation vector of a robot: a table of its terms, their computation from the state, and users' terms."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Components, ScalarOrBatch, differences, in_single_precision
+from quad_env.columns import Components, ScalarOrBatch, clipped_rows, differences
 from quad_env.config import COMMAND_BOUND
 from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
@@ -136,7 +136,7 @@ class ObservationTable:
             differences(state.action, self._home),
             command,
         )
-        return _clipped_rows(terms, self._limits)
+        return clipped_rows(terms, self._limits)
 
     def assemble(
         self, sensed: NDArray[np.float32], state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]
@@ -151,21 +151,8 @@ class ObservationTable:
         Returns:
             Built-in terms, clipped to their bounds, (k, width), or (width,) if `state` holds floats of one robot.
         """
-        known = _clipped_rows((differences(state.action, self._home), command), self._known_limits)
+        known = clipped_rows((differences(state.action, self._home), command), self._known_limits)
         return np.concatenate((sensed if known.ndim == 2 else sensed[0], known), axis=-1)
-
-
-def _clipped_rows(
-    terms: Sequence[Components[ScalarOrBatch]], limits: tuple[NDArray[np.float32], NDArray[np.float32]]
-) -> NDArray[np.float32]:
-    """Concatenate the components of all `terms` to a float32 array, (width,) or (n, width), and clip them.
-
-    `limits` are the lower and the upper bounds of the components, (width,) each.
-    """
-    lower, upper = limits
-    rows = in_single_precision(terms).T
-    np.minimum(rows, upper, out=rows)
-    return np.maximum(rows, lower, out=rows)
 
 
 observation_table = cache(ObservationTable)

@@ -21,8 +21,10 @@ from quad_env.columns import (
     ordered_sum,
     sin,
     sqrt,
+    sum_of_squared_differences,
     sum_of_squares,
     where,
+    zeros_by_key,
 )
 from quad_env.config import RewardWeights
 from quad_env.extensions import check_new
@@ -108,7 +110,7 @@ def roll_pitch_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return the squared sine of the angle between the trunk's z axis and the vertical."""
-    x, y, _ = state.projected_gravity
+    x, y, _ = state.rotation[2]
     return x * x + y * y
 
 
@@ -123,7 +125,7 @@ def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 def action_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (change of the joint target since the last control step)² over the joints, rad²."""
-    return sum_of_squares(differences(state.action, state.previous_action))
+    return sum_of_squared_differences(state.action, state.previous_action)
 
 
 def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
@@ -305,7 +307,25 @@ OPTIONAL_TERMS = ("gait", "pose", "stand_still", "joint_limits", "foot_slip", "f
 """Names of the reward terms that are not computed, and have no key in the infos, if their weight is 0."""
 
 
-def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
+@dataclass(frozen=True)
+class StepWeights:
+    """Factors on the built-in reward terms in one control step, see `step_weights`."""
+
+    keys: tuple[str, ...]
+    """Keys of the reward terms in the infos, in the order of `reward_terms`; the last one is `FALL`."""
+    computed: tuple[tuple[str, float, RewardFunction], ...]
+    """Key, factor and function of each reward term that is not always 0, except the term `fall`."""
+    fall: float
+    """Factor on the reward term `fall`."""
+
+    @property
+    def weighted_keys(self) -> tuple[str, ...]:
+        """Keys of the reward terms that are not always 0."""
+        fall = () if self.fall == 0.0 else (FALL,)
+        return (*(key for key, _, _ in self.computed), *fall)
+
+
+def step_weights(weights: RewardWeights, dt: float) -> StepWeights:
     """Compute the factor on each built-in reward term in one control step.
 
     The weights are rewards per second, so they are multiplied by the control period. The weight of `fall` is not
@@ -316,16 +336,20 @@ def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
         dt: Control period, s.
 
     Returns:
-        Key of each reward term in the infos -> factor, in the order of `reward_terms`.
+        Keys, factors and functions of the reward terms.
     """
-    used = {name: weight for name, weight in asdict(weights).items() if weight != 0.0 or name not in OPTIONAL_TERMS}
-    rates = {f"{REWARD}{name}": weight for name, weight in used.items()}
-    fall = rates.pop(FALL)
-    return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
+    rates = asdict(weights)
+    fall = rates.pop("fall")
+    used = [name for name, weight in rates.items() if weight != 0.0 or name not in OPTIONAL_TERMS]
+    return StepWeights(
+        keys=(*(f"{REWARD}{name}" for name in used), FALL),
+        computed=tuple((f"{REWARD}{name}", rates[name] * dt, TERMS[f"{REWARD}{name}"]) for name in used if rates[name]),
+        fall=fall,
+    )
 
 
 def reward_terms(
-    state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask, weights: dict[str, float]
+    state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask, weights: StepWeights
 ) -> dict[str, ScalarOrBatch]:
     """Compute the weighted built-in reward terms of a control step.
 
@@ -333,15 +357,17 @@ def reward_terms(
         state: State after the step.
         terminated: True for robots with an episode that ends in this step by a fall or a diverged simulation.
         diverged: True for robots with a diverged simulation; all their terms except `fall` are 0.
-        weights: Key of each term in the infos -> factor, from `step_weights`.
+        weights: Factors on the terms, from `step_weights`.
 
     Returns:
         Key of each term in the infos -> weighted value, a float for one robot or an array (n,).
     """
-    terms = {key: weights[key] * term(state) for key, term in TERMS.items() if key in weights}
+    terms = zeros_by_key(weights.keys, state.height)
+    for key, weight, function in weights.computed:
+        terms[key] = weight * function(state)
     if any_true(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
-    terms[FALL] = weights[FALL] * where(terminated, 1.0, 0.0)
+    terms[FALL] = weights.fall * where(terminated, 1.0, 0.0)
     return terms
 
 

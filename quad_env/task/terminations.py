@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from quad_env.columns import ScalarOrBatch, where
+from quad_env.columns import ScalarOrBatch, any_true, where
 from quad_env.config import FallRule
 from quad_env.physics.state import QuadState
 
@@ -21,6 +21,9 @@ def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, min_height
     Returns:
         Index into `config.FALL_REASONS`, an int or (n,).
     """
-    is_tilted = -state.projected_gravity[2] < math.cos(rule.tilt)
+    is_tilted = state.rotation[2][2] < math.cos(rule.tilt)
     is_low = state.height < min_height
+    has_fallen = state.trunk_contact | is_tilted | is_low
+    if not any_true(has_fallen):
+        return 0 * has_fallen
     return where(state.trunk_contact, 1, where(is_tilted, 2, where(is_low, 3, 0)))

@@ -64,6 +64,25 @@ def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
     np.testing.assert_array_equal(found.command, commands)
 
 
+def test_the_clock_and_the_commands_of_one_robot_are_those_of_a_batch_of_one() -> None:
+    alone = EpisodeSchedule(SIMPLE_QUAD, PUSHED, 1, DT)
+    batch = EpisodeSchedule(SIMPLE_QUAD, PUSHED, 1, DT)
+    rows = np.arange(1)
+    commands = []
+    for found in (alone, batch):
+        found.reseed([4], np.ones(1, np.bool_))
+        found.reset(rows, None)
+    for _ in range(25):
+        alone.count_step(None)
+        alone.resample_commands(None)
+        batch.count_step(rows)
+        batch.resample_commands(rows)
+        assert alone.step_count == batch.step_count
+        np.testing.assert_array_equal(alone.command, batch.command)
+        commands.append(tuple(alone.command[0]))
+    assert len(set(commands)) == 3
+
+
 def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
     """Each robot has its own command; a robot that is reset without a command draws one."""
     found, held = schedule(), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
