@@ -1,5 +1,7 @@
 """Sums and checks of columns; `physics/test_same_bits` tests that a robot has equal bits alone and in a batch."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,7 @@ def test_sums_over_joints_have_the_bits_of_sums_in_order_for_floats_and_arrays()
 
 @pytest.mark.parametrize("joint", [0, 3, 11])
 def test_joints_above_a_bound_are_counted_in_both_directions(joint: int) -> None:
-    speeds = np.zeros((12, 3))
+    speeds: Any = np.zeros((12, 3))
     speeds[joint] = 5.0, -5.5, 5.5  # the first is at the bound
     assert columns.fraction_above(speeds, 5.0).tolist() == [0.0, 1 / 12, 1 / 12]
     assert [columns.fraction_above(tuple(robot), 5.0) for robot in speeds.T.tolist()] == [0.0, 1 / 12, 1 / 12]
