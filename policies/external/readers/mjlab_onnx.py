@@ -87,10 +87,13 @@ def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
 def _parse_entry(key: str, text: str) -> Any:
     """Convert the text under a metadata key to a list of names, a number or a list of numbers.
 
-    A key that ends with `_names` has names. Any other text is returned unchanged.
+    A key that ends with `_names` has names. Since version 1.6 of mjlab, an entry of a list that is itself a list has
+    semicolons between its numbers. Any other text is returned unchanged.
     """
     if key.endswith("_names"):
         return text.split(",")
+    if ";" in text:
+        text = ",".join(f"[{entry.replace(';', ',')}]" if ";" in entry else entry for entry in text.split(","))
     try:
         values = json.loads(f"[{text.replace('inf', 'Infinity')}]")
     except (ValueError, RecursionError):

@@ -335,6 +335,21 @@ def test_mjlab_terms_may_have_scales_clips_and_histories(tmp_path: Path) -> None
     assert policy.action_scale == (0.5,) * 12
 
 
+def test_lists_within_the_lists_of_newer_mjlab_have_semicolons(tmp_path: Path) -> None:
+    metadata = files.mjlab(MOTORS) | {
+        "observation_names": "base_ang_vel,command",
+        "observation_terms_scale": "0.250,2.000;2.000;0.250",
+        "observation_terms_clip": "-inf;inf,-1.000;1.000",
+        "observation_terms_history_length": "0,3",
+        "observation_terms_flatten_history_dim": "True,True",
+    }
+    policy = described(files.onnx_file(tmp_path / "policy.onnx", metadata))
+    assert policy.terms == (
+        SpecTerm("angular_velocity", (0.25,)),
+        SpecTerm("command", (2.0, 2.0, 0.25), (-1.0, 1.0), 3),
+    )
+
+
 def test_an_onnx_file_without_metadata_describes_nothing(tmp_path: Path) -> None:
     assert read(files.onnx_file(tmp_path / "policy.onnx", {"joint_names": "a,b"})) is None
     assert read(tmp_path / "mine.py") is None
