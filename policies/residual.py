@@ -101,7 +101,7 @@ class Features(PerRobotState):
         ends = np.cumsum(list(widths.values())).tolist()
         self.width: int = ends[-1]
         """Number of network inputs (features) of each robot."""
-        self._columns = {
+        self.columns = {
             name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True) if width
         }
         """Kind of features -> columns of these features in the result of `update`."""
@@ -119,7 +119,7 @@ class Features(PerRobotState):
         """
         self.ticks = self.ticks + _ONE
         features = np.empty((len(observation), self.width), np.float32)
-        parts = {name: features[:, columns] for name, columns in self._columns.items()}
+        parts = {name: features[:, columns] for name, columns in self.columns.items()}
         scaled = np.multiply(observation, self._table.scale, out=parts["observation"])
         if len(self._level):
             self._level_scan(observation, scaled)

@@ -22,7 +22,7 @@ NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, check, distil, export, compare"),
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
-    "export": Command("train.commands.export", "a trained residual as an ONNX file"),
+    "export": Command("train.commands.export", "a trained policy as ONNX, or as deployment files of other projects"),
 }
 BASIC_OPTIONS = (
     "policy",

@@ -1,0 +1,152 @@
+"""Deployment files: each format describes the policy that was exported, and names what it cannot describe."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+from policies import bundle
+from policies.base import PolicyError
+from policies.external.joint_mapping import map_joints
+from policies.history import Inputs
+from policies.residual import NO_HISTORY, ResidualPolicy
+from policies.trot.open_loop import Trot
+from quad_env.robots.registry import get_robot
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.train.export.plain_policies import ExactNetwork, make_policy
+from train.export.export import FORMATS, export, largest_difference, read_back
+
+ROBOTS = ("simple_quad", "go2")
+TOLERANCE = 1e-6
+"""Largest difference of the joint targets, rad."""
+CLOCKS = ("unitree", "isaac-lab", "toml")
+"""Formats with a clock and with a history that starts with the first observation."""
+
+
+def turned_robot(folder: Path) -> Robot:
+    """Return SimpleQuad as a user's model in which thighs turn the other way and calves have another zero."""
+    spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
+    for joint in spec.joints:
+        if "thigh" in joint.name:
+            joint.axis = -joint.axis
+            joint.range = -joint.range[::-1]
+    path = folder / "turned.xml"
+    path.write_text(spec.to_xml(), encoding="utf-8")
+    return Robot.from_mjcf(path)
+
+
+def difference(policy: ResidualPolicy, to: str, folder: Path) -> float:
+    """Export a policy, and return its largest difference from the policy that is read back."""
+    export(policy, "mine", to, folder)
+    copy = read_back(policy, folder / FORMATS[to].settings)
+    np.testing.assert_allclose(copy.robot.gains, policy.robot.gains, rtol=1e-9)
+    return largest_difference(policy, copy)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("to", FORMATS)
+def test_the_policy_read_back_has_the_same_targets(to: str, robot: str, tmp_path: Path) -> None:
+    ignored = ("linear_velocity",) if to == "unitree" else ()
+    policy = make_policy(get_robot(robot), NO_HISTORY, ignored=ignored)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+
+
+@pytest.mark.parametrize("hold", [1, 2])
+@pytest.mark.parametrize("to", CLOCKS)
+def test_a_clock_and_a_history_are_read_back(to: str, hold: int, tmp_path: Path) -> None:
+    inputs = Inputs(clock=2.2, lags=(0.02, 0.06))
+    policy = make_policy(get_robot("go2"), inputs, ignored=("linear_velocity",), hold=hold, crouches=False)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+
+
+def test_a_history_without_a_clock_is_read_back_from_mjlab(tmp_path: Path) -> None:
+    policy = make_policy(SIMPLE_QUAD, Inputs(lags=(0.02, 0.04)))
+    assert difference(policy, "mjlab", tmp_path / "out") < TOLERANCE
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_signs_of_the_model_file_are_those_of_the_policy_file(to: str, tmp_path: Path) -> None:
+    robot = turned_robot(tmp_path)
+    assert set(map_joints(robot.joint_names, robot).signs) == {1.0, -1.0}
+    policy = make_policy(robot, NO_HISTORY, ignored=("linear_velocity",), bounded=False)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+
+
+def test_a_clock_hidden_at_rest_is_in_the_toml(tmp_path: Path) -> None:
+    policy = make_policy(SIMPLE_QUAD, Inputs(clock=2.2, clock_at_rest="hidden"))
+    assert difference(policy, "toml", tmp_path / "out") < TOLERANCE
+    copy = read_back(policy, tmp_path / "out/policy.toml")
+    for each in (policy, copy):
+        each.reset(1, 0)
+    rest = np.zeros((1, 48), np.float32)
+    np.testing.assert_allclose(copy.act(rest), policy.act(rest), atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("to", sorted({*FORMATS} - {"unitree"}))
+def test_the_shipped_policy_without_a_clock_weight_is_exported(to: str, tmp_path: Path, repository: Path) -> None:
+    policy = bundle.load(repository / "models/end_to_end")
+    weights = policy.network.weights[0].copy()
+    weights[policy.features.columns["clock"]] = 0.0
+    policy.network = ExactNetwork((weights, *policy.network.weights[1:]), policy.network.biases)
+    assert difference(policy, to, tmp_path / "out") < 3 * TOLERANCE
+
+
+def test_unitree_s_file_has_gains_by_motor_and_values_by_joint(tmp_path: Path) -> None:
+    policy = make_policy(get_robot("go2"), Inputs(clock=2.0, lags=(0.02,)), ignored=("linear_velocity",))
+    export(policy, "mine", "unitree", tmp_path / "out")
+    written = yaml.safe_load((tmp_path / "out/params/deploy.yaml").read_text(encoding="utf-8"))
+    # In Unitree's SDK the motors are front right, front left, rear right, rear left.
+    motors = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    assert written["joint_ids_map"] == motors
+    assert written["stiffness"] == policy.robot.servo_stiffness[motors].tolist()
+    assert written["damping"] == policy.robot.servo_damping[motors].tolist()
+    action = written["actions"]["JointPositionAction"]
+    assert action["scale"] == policy.authority.astype(float).tolist()
+    assert action["offset"] == written["default_joint_pos"]
+    assert written["step_dt"] == pytest.approx(0.02)
+    terms = written["observations"]
+    assert {term["history_length"] for name, term in terms.items() if name != "gait_phase"} == {2}
+    assert terms["gait_phase"]["params"] == {"period": 0.5}
+    assert {"lin_vel_x", "lin_vel_y", "ang_vel_z"} < written["commands"]["base_velocity"]["ranges"].keys()
+
+
+SIGHTLESS = {"ignored": ("linear_velocity",)}
+REFUSALS = {
+    "linear velocity": ("unitree", NO_HISTORY, {}, "observation term: the format cannot say it, got linear_velocity"),
+    "hidden": ("unitree", Inputs(clock=2.0, clock_at_rest="hidden"), SIGHTLESS, "clock_at_rest.* got hidden; valid"),
+    "mjlab clock": ("mjlab", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
+    "mjlab rate": ("mjlab", NO_HISTORY, {"hold": 1}, "control rate: .* got 100 Hz; valid: 50 Hz"),
+    "rl_sar clock": ("rl-sar", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
+    "rl_sar history": ("rl-sar", Inputs(lags=(0.02,)), {}, "starts with the first observation: .* got 2 steps"),
+    "averages": ("toml", Inputs(averages=(0.3,)), {}, r"mine: inputs.averages: .* got \(0.3,\); valid: none"),
+    "position error": ("toml", Inputs(position_error=0.5), {}, "mine: inputs.position_error: .* got 0.5; valid"),
+    "clock gain": ("toml", Inputs(clock=2.0, clock_gain=0.6), {}, "mine: inputs.clock_gain: .* got 0.6; valid"),
+    "lag between actions": ("toml", Inputs(lags=(0.01,)), {}, "inputs.lags: .* period 0.02 s, got 0.01"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_a_format_names_the_property_that_it_cannot_describe(case: str, tmp_path: Path) -> None:
+    to, inputs, options, words = REFUSALS[case]
+    with pytest.raises(PolicyError, match=words) as refusal:
+        export(make_policy(SIMPLE_QUAD, inputs, **options), "mine", to, tmp_path / "out")
+    assert "\n" not in str(refusal.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_residual_on_a_controller_is_refused_with_the_distillation(tmp_path: Path, repository: Path) -> None:
+    policy = bundle.load(repository / "models/residual")
+    assert isinstance(policy.base, Trot)
+    with pytest.raises(PolicyError, match=r"corrects the controller trot.*python -m train --teacher models/residual"):
+        export(policy, "models/residual", "toml", tmp_path / "out")
+
+
+def test_a_failed_export_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("train.export.export.TOLERANCE", 0.0)
+    policy = make_policy(SIMPLE_QUAD, NO_HISTORY)
+    with pytest.raises(PolicyError, match=r"policy.toml: the joint targets read back differ .* by .* rad"):
+        export(policy, "mine", "toml", tmp_path / "out")
+    assert not list(tmp_path.iterdir())

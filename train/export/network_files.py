@@ -1,0 +1,92 @@
+"""Writers of a plain network as ONNX and as TorchScript: input `obs`, (1, inputs), output `actions`, (1, 12)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policies.external.packages import import_package
+from policies.network import LIMIT
+from train.export.plain_network import PlainNetwork
+
+INPUT = "obs"
+"""Name of the input of an ONNX file, as rsl_rl, mjlab and Unitree's programs call it."""
+OUTPUT = "actions"
+"""Name of the output of an ONNX file, as rsl_rl, mjlab and Unitree's programs call it."""
+OPSET = 17
+"""Version of the ONNX operator set."""
+IR_VERSION = 8
+"""Version of the ONNX file format."""
+
+
+def write_onnx(network: PlainNetwork, file: Path, metadata: Mapping[str, str] | None = None) -> None:
+    """Write a plain network to an ONNX file.
+
+    Args:
+        network: Plain network.
+        file: File to write; its folder is made if it is missing.
+        metadata: Entries of the metadata of the file: key -> text; None for no metadata.
+    """
+    onnx = import_package("onnx")
+    model = onnx.helper.make_model(
+        _graph(onnx, network),
+        opset_imports=[onnx.helper.make_opsetid("", OPSET)],
+        ir_version=IR_VERSION,
+        producer_name="simple-quad",
+    )
+    onnx.helper.set_model_props(model, dict(metadata or {}))
+    onnx.checker.check_model(model)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(model.SerializeToString())
+
+
+def _graph(onnx: Any, network: PlainNetwork) -> Any:
+    """Return the ONNX graph: Gemm and Elu of each layer, the limits of a bundle's layers, and the output limits."""
+    limits = {"layer.min": -LIMIT, "layer.max": LIMIT}
+    nodes = [onnx.helper.make_node("Constant", [], [name], value_float=value) for name, value in limits.items()]
+    last = len(network.weights) - 1
+    values = INPUT
+    for index in range(last + 1):
+        sums = f"{index}.sums"
+        nodes.append(onnx.helper.make_node("Gemm", [values, f"{index}.weight", f"{index}.bias"], [sums]))
+        if index < last:
+            nodes.append(onnx.helper.make_node("Elu", [sums], [f"{index}.elu"]))
+            values = f"{index}.values"
+            nodes.append(onnx.helper.make_node("Clip", [f"{index}.elu", *limits], [values]))
+    nodes.append(onnx.helper.make_node("Max", [f"{last}.sums", "action.min"], ["above.min"]))
+    nodes.append(onnx.helper.make_node("Min", ["above.min", "action.max"], [OUTPUT]))
+    tensors = [
+        onnx.numpy_helper.from_array(np.ascontiguousarray(value, np.float32), name)
+        for name, value in _tensors(network).items()
+    ]
+    inputs, outputs = (
+        [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, width])]
+        for name, width in ((INPUT, len(network.weights[0])), (OUTPUT, len(network.biases[-1])))
+    )
+    return onnx.helper.make_graph(nodes, "policy", inputs, outputs, tensors)
+
+
+def _tensors(network: PlainNetwork) -> dict[str, Any]:
+    """Return the constants of the ONNX graph: name -> array."""
+    layers = enumerate(zip(network.weights, network.biases, strict=True))
+    tensors = {
+        f"{index}.{kind}": value
+        for index, layer in layers
+        for kind, value in zip(("weight", "bias"), layer, strict=True)
+    }
+    return tensors | {"action.min": network.min_action[None], "action.max": network.max_action[None]}
+
+
+def write_torchscript(network: PlainNetwork, file: Path) -> None:
+    """Write a plain network to a TorchScript file.
+
+    Args:
+        network: Plain network.
+        file: File to write; its folder is made if it is missing.
+    """
+    # The module is imported here, because the import of torch takes seconds.
+    from train.export.torch_module import save_torchscript
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    save_torchscript(network, file)

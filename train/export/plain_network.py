@@ -1,0 +1,273 @@
+"""Conversion of a policy bundle to a plain network: observation terms in, joint actions out.
+
+Other projects compute `target = default_position + action_scale * action` from the outputs of a network, and observe
+the previous action as the network gave it. A bundle computes `target = base + authority * correction`, observes the
+previous target in rad, and limits the correction and the target. The conversion folds all differences into the first
+and the last layer, so that the two give the same joint targets:
+
+- The previous target minus the home pose is `action_scale * action`. The first layer gets the factor.
+- The pose of the base policy becomes a part of the last bias.
+- The limits of the correction and of the joints become limits of the output.
+- The clock of a bundle is one control step ahead of the clock of other projects. The first layer gets the rotation.
+- Joint angles have the signs and zeros of the model file of the robot.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Floats, PolicyError
+from policies.external.joint_mapping import JointMapping, map_joints
+from policies.external.spec import PolicySpec, SpecTerm
+from policies.history import Inputs
+from policies.poses import Stand
+from policies.residual import ResidualPolicy
+from quad_env.robots.robot import Robot
+from quad_env.task.observations import observation_table
+
+NETWORK = Path("policy.onnx")
+"""Path of the network in a specification before a format has its own name for it."""
+MIN_CLOCK_THRESHOLD = 1e-6
+"""Norm of the velocity command below which a clock that is hidden at rest is (0, 0).
+
+A bundle hides its clock at a command of exactly zero."""
+CLOCK = "gait_clock"
+"""Name of the observation term with sine and cosine of the clock."""
+_JOINT_TERMS = ("joint_position", "joint_velocity")
+"""Names of the observation terms with one value per joint, measured by sensors."""
+
+
+@dataclass(frozen=True)
+class PlainNetwork:
+    """A multilayer perceptron with exponential linear units, and the specification of its inputs and outputs.
+
+    The inputs are the observation terms of the specification, term by term, each with its history, oldest step first.
+    """
+
+    robot: Robot
+    """Robot of the policy, with the servo gains of its training."""
+    spec: PolicySpec
+    """Observation terms, joints in the order of the robot, gains, default position and rate."""
+    weights: tuple[Floats, ...]
+    """Weight matrix of each layer, (inputs, outputs)."""
+    biases: tuple[Floats, ...]
+    """Bias vector of each layer, (outputs,)."""
+    min_action: Floats
+    """Lower limit of each output, (12,)."""
+    max_action: Floats
+    """Upper limit of each output, (12,)."""
+
+    @property
+    def rows(self) -> dict[str, slice]:
+        """Name of each observation term -> rows of the first weight matrix that it has."""
+        ends = np.cumsum([term.width * term.history for term in self.spec.terms]).tolist()
+        starts = [0, *ends[:-1]]
+        names = [term.name for term in self.spec.terms]
+        return {name: slice(*ends) for name, *ends in zip(names, starts, ends, strict=True)}
+
+
+def plain_network(policy: ResidualPolicy, source: str) -> PlainNetwork:
+    """Convert a trained policy to a plain network.
+
+    PolicyError is raised if the policy computes something that is no network of observation terms; the message names
+    it.
+
+    Args:
+        policy: Trained policy.
+        source: Path or name of the policy, for error messages.
+
+    Returns:
+        The plain network. Terms that the network ignores, with weights of zero, are left out.
+    """
+    _check_base(policy, source)
+    _check_inputs(policy, source)
+    robot = policy.robot
+    joints = map_joints(robot.joint_names, robot)
+    terms, columns = _lay_out(policy, joints)
+    weights = [each.astype(np.float64) for each in policy.network.weights]
+    weights[0] = columns @ weights[0]
+    biases = [each.astype(np.float64) for each in policy.network.biases]
+    scale = policy.authority.astype(np.float64)
+    shift = joints.signs * (_base_pose(policy) - robot.home_pose) / scale
+    weights[-1] = weights[-1] * joints.signs
+    biases[-1] = biases[-1] * joints.signs + shift
+    limits = _output_limits(policy, joints, shift)
+    spec = _describe(policy, joints, terms)
+    return _without_ignored_terms(PlainNetwork(robot, spec, tuple(weights), tuple(biases), *limits))
+
+
+def _check_base(policy: ResidualPolicy, source: str) -> None:
+    """Raise PolicyError if the base policy is a controller rather than a fixed pose."""
+    if not isinstance(policy.base, Stand):
+        raise PolicyError(
+            f"{source}: it corrects the controller {policy.base.name}, which a network file cannot hold",
+            f"distil it into a network first: python -m train --teacher {source} --out runs/student",
+        )
+    if not (policy.authority > 0.0).all():
+        raise PolicyError(f"{source}: authority: a joint has none, got {policy.authority.tolist()}; valid: above 0 rad")
+
+
+def _check_inputs(policy: ResidualPolicy, source: str) -> None:
+    """Raise PolicyError for the first network input that is no observation term with a history of control steps."""
+    inputs = policy.features.inputs
+    unsupported = {
+        "averages": inputs.averages,
+        "position_error": inputs.position_error,
+        "clock_gain": inputs.clock_gain if inputs.clock else 0.0,
+        "height_scan": policy.height_scan,
+    }
+    for name, value in unsupported.items():
+        if value:
+            raise PolicyError(f"{source}: inputs.{name}: no deployment file can say it, got {value}; valid: none")
+    period = policy.hold * policy.control_period
+    for lag in inputs.lags:
+        if _lag_steps(policy, lag) % policy.hold:
+            raise PolicyError(
+                f"{source}: inputs.lags: must be multiples of the policy's period {period:g} s, got {lag:g}"
+            )
+
+
+def _lag_steps(policy: ResidualPolicy, lag: float) -> int:
+    """Return a lag, s, in control steps of the environment, as the bundle rounds it."""
+    return max(round(lag / policy.control_period), 1)
+
+
+def _base_pose(policy: ResidualPolicy) -> Floats:
+    """Return the joint targets of the base policy, (12,), rad, within the joint limits."""
+    assert isinstance(policy.base, Stand)
+    return np.clip(policy.base.pose, *policy.robot.action_limits).astype(np.float32).astype(np.float64)
+
+
+def _output_limits(policy: ResidualPolicy, joints: JointMapping, shift: Floats) -> tuple[Floats, Floats]:
+    """Return the smallest and the largest action of each joint, (12,): limits of the correction and of the joint.
+
+    `shift` is the action of each joint at which the target is the pose of the base policy, (12,).
+    """
+    low, high = policy.robot.action_limits
+    ends = joints.signs * (np.stack((low, high)).astype(np.float64) - policy.robot.home_pose)
+    ends = np.sort(ends / policy.authority.astype(np.float64), axis=0)
+    if not policy.bounded:
+        return ends[0], ends[1]
+    return np.clip(ends[0], shift - 1.0, shift + 1.0), np.clip(ends[1], shift - 1.0, shift + 1.0)
+
+
+def _lay_out(policy: ResidualPolicy, joints: JointMapping) -> tuple[tuple[SpecTerm, ...], Floats]:
+    """Return the observation terms, and the matrix that maps them to the features of the bundle.
+
+    The first layer of the plain network is matrix @ first layer of the bundle; the matrix is (plain inputs, features).
+    """
+    terms = []
+    rows = []
+    for term, factors in _plain_terms(policy, joints):
+        shown = _shown_columns(policy, term.name)
+        history = max(shown) + 1
+        matrix = np.zeros((history, term.width, policy.features.width))
+        for age, columns in shown.items():
+            matrix[history - 1 - age][:, columns] = factors
+        terms.append(replace(term, history=history))
+        rows.append(matrix.reshape(-1, policy.features.width))
+    return tuple(terms), np.concatenate(rows)
+
+
+def _shown_columns(policy: ResidualPolicy, name: str) -> dict[int, NDArray[np.intp]]:
+    """Return the features that show an observation term: age in steps of the policy -> columns of the features."""
+    features = policy.features
+    if name == CLOCK:
+        columns = features.columns["clock"]
+        return {0: np.arange(columns.start, columns.stop)}
+    table = observation_table(policy.robot)
+    part = table.slices[name]
+    columns_by_age = {0: np.arange(part.start, part.stop)}
+    for number, lag in enumerate(features.inputs.lags):
+        start = features.columns["history"].start + number * table.size
+        columns_by_age[_lag_steps(policy, lag) // policy.hold] = start + columns_by_age[0]
+    return columns_by_age
+
+
+def _plain_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple[SpecTerm, Floats]]:
+    """Yield each observation term, and the matrix that maps its scaled values to the features of the bundle."""
+    yield from _observation_terms(policy, joints)
+    inputs = policy.features.inputs
+    if inputs.clock:
+        yield _clock_term(inputs), _clock_rotation(policy)
+
+
+def _observation_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple[SpecTerm, Floats]]:
+    """Yield each term of the observation, with the diagonal matrix that gives the features of the bundle."""
+    table = observation_table(policy.robot)
+    for name, part in table.slices.items():
+        scale = table.scale[part].astype(np.float64)
+        factors = joints.signs if name in _JOINT_TERMS else np.ones(len(scale))
+        if name == "previous_action":
+            factors = joints.signs * policy.authority * scale
+            scale = np.ones(len(scale))
+        yield SpecTerm(name, scale=_short(scale)), np.diag(factors)
+
+
+def _short(scale: Floats) -> tuple[float, ...]:
+    """Return the factors of a term, or the one factor if they are equal."""
+    values = tuple(scale.tolist())
+    return values[:1] if len(set(values)) == 1 else values
+
+
+def _clock_term(inputs: Inputs) -> SpecTerm:
+    threshold = MIN_CLOCK_THRESHOLD if inputs.clock_at_rest == "hidden" else 0.0
+    return SpecTerm(CLOCK, clock=inputs.clock, zero_below=threshold)
+
+
+def _clock_rotation(policy: ResidualPolicy) -> Floats:
+    """Return the rotation from the plain clock to the clock of the bundle, sine and cosine, (2, 2).
+
+    The first phase of a bundle's clock is its phase after one control step, and 0 in a specification.
+    """
+    angle = 2.0 * np.pi * policy.features.inputs.clock * policy.control_period
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _describe(policy: ResidualPolicy, joints: JointMapping, terms: tuple[SpecTerm, ...]) -> PolicySpec:
+    """Return the specification of the plain network: joints, gains, default position, action scale, terms, rate."""
+    robot = policy.robot
+    home = joints.policy_angles(robot.home_pose[None])[0]
+    return PolicySpec(
+        network=NETWORK,
+        control_rate=1.0 / (policy.hold * policy.control_period),
+        joints=tuple(robot.joint_names),
+        default_position=tuple(home.tolist()),
+        action_scale=tuple(policy.authority.astype(np.float64).tolist()),
+        stiffness=tuple(robot.servo_stiffness.tolist()),
+        damping=tuple(robot.servo_damping.tolist()),
+        terms=terms,
+    )
+
+
+def _without_ignored_terms(network: PlainNetwork) -> PlainNetwork:
+    """Return the network without the terms that have only weights of zero; one term is kept in any case."""
+    first = network.weights[0]
+    is_used = {name: bool(first[rows].any()) for name, rows in network.rows.items()}
+    names = [name for name, used in is_used.items() if used] or [network.spec.terms[0].name]
+    terms = tuple(term for term in network.spec.terms if term.name in names)
+    kept: NDArray[np.float64] = np.concatenate([first[network.rows[term.name]] for term in terms])
+    return replace(network, spec=replace(network.spec, terms=terms), weights=(kept, *network.weights[1:]))
+
+
+def with_folded_scales(network: PlainNetwork, *names: str) -> PlainNetwork:
+    """Return the network with the scales of some observation terms in its first layer, for formats without a scale.
+
+    Args:
+        network: Plain network.
+        *names: Names of the terms; a term that the network lacks is ignored.
+
+    Returns:
+        Network with the same outputs, and with the scale 1 of the terms.
+    """
+    first = network.weights[0].copy()
+    terms = []
+    for term in network.spec.terms:
+        if term.name in names:
+            factors = np.tile(np.broadcast_to(term.scale, term.width), term.history)
+            first[network.rows[term.name]] *= factors[:, None]
+        terms.append(replace(term, scale=(1.0,)) if term.name in names else term)
+    return replace(network, spec=replace(network.spec, terms=tuple(terms)), weights=(first, *network.weights[1:]))
