@@ -80,6 +80,7 @@ class BundleFields(Settings):
     hold: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
     servo: Any = None
     bounded: bool = True
+    network_inputs: Any = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -114,6 +115,7 @@ def describe_policy(
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "bounded": policy.bounded,
+        **_layout_fields(policy),
         "servo": [policy.robot.servo_stiffness.tolist(), policy.robot.servo_damping.tolist()],
         "training": dict(training),
         "git_revision": git_revision,
@@ -207,7 +209,7 @@ def assemble_policy(
         base = base_from_json(description.base, robot, float(description.control_period), joint_delay_steps, actuator)
         _check_environment(description, robot, base.height_scan)
         authority = np.array(description.authority, dtype=np.float32)
-        return ResidualPolicy(
+        policy = ResidualPolicy(
             base,
             network,
             authority,
@@ -216,8 +218,28 @@ def assemble_policy(
             description.hold,
             description.bounded,
         )
+        _check_layout(description, policy)
+        return policy
     except ValueError as error:
         fail(place, str(error))
+
+
+def _layout_fields(policy: ResidualPolicy) -> dict[str, Any]:
+    """Return the field `network_inputs` with the layout of a policy that observes only some terms; else no field.
+
+    The result is a dictionary field name -> JSON value.
+    """
+    features = policy.features
+    if features.terms is None:
+        return {}
+    return {"network_inputs": features.terms.describe(features.inputs, policy.control_period)}
+
+
+def _check_layout(description: BundleFields, policy: ResidualPolicy) -> None:
+    """Raise ValueError if the layout of the network inputs in a `description` is not the layout of the `policy`."""
+    expected = _layout_fields(policy).get("network_inputs")
+    if description.network_inputs != expected:
+        raise ValueError(f"network_inputs differs from the layout of this version: {description.network_inputs!r:.80}")
 
 
 def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan | None) -> None:

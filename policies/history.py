@@ -16,8 +16,15 @@ from quad_env.config import Bounds, Settings
 
 Frames = NDArray[np.float32]
 """Type of the scaled observations of n robots, (n, k), with k numbers per robot."""
-Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.0)]
+MAX_AGE = 10.0
+"""Largest age of a past observation that is a network input, and largest time constant of an average, s."""
+Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, MAX_AGE)]
 """Type of the age of an observation or the time constant of an average, s."""
+TermName = Literal[
+    "projected_gravity", "angular_velocity", "linear_velocity", "joint_position", "joint_velocity", "previous_action",
+    "command",
+]  # fmt: skip
+"""Type of the name of a built-in term of the observation."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,28 @@ class Inputs(Settings):
     """Bound of the position error that is a network input, m, and of its yaw error, rad; 0: not an input.
 
     The position error is the integral of the velocity error since the last change of the command."""
+    terms: tuple[TermName, ...] = ()
+    """Terms of the observation that are network inputs, in this order; empty: the whole observation.
+
+    With terms, the network has no inputs except these terms and the clock, each with its last `history` values."""
+    history: Annotated[int, Bounds("from 1 to 100", 1, 100)] = 1
+    """Number of last values of each term and of the clock, one for each action of the network; only with terms."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.terms and self.history != 1:
+            raise ValueError(f"Inputs.history: history needs Inputs.terms, got {self.history}; valid: 1")
+        if len(set(self.terms)) < len(self.terms):
+            raise ValueError(f"Inputs.terms: a term is repeated, got {' '.join(self.terms)}")
+        if not self.terms:
+            return
+        for name in ("lags", "averages"):
+            if ages := getattr(self, name):
+                given = " ".join(f"{age:g}" for age in ages)
+                raise ValueError(f"Inputs.{name}: must be empty with Inputs.terms, got {given}")
+        for name in ("clock_gain", "position_error"):
+            if value := getattr(self, name):
+                raise ValueError(f"Inputs.{name}: must be 0 with Inputs.terms, got {value:g}")
 
     @property
     def frames(self) -> int:

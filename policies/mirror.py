@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import GaitedPolicy, Policy
-from policies.history import Inputs
+from policies.history import Inputs, TermName
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
@@ -78,8 +78,20 @@ def feature_mirror(base: Policy, inputs: Inputs) -> Mirror:
         raise ValueError(f"mirror symmetry needs a base that holds a pose, without a height scan, not {base.name}")
     joints = joint_mirror(base.robot)
     vector = signs_mirror(VECTOR_SIGNS)
-    observation = [vector, signs_mirror(ROTATION_SIGNS), vector, joints, joints, joints, signs_mirror(COMMAND_SIGNS)]
+    by_term: dict[TermName, Mirror] = {
+        "projected_gravity": vector,
+        "angular_velocity": signs_mirror(ROTATION_SIGNS),
+        "linear_velocity": vector,
+        "joint_position": joints,
+        "joint_velocity": joints,
+        "previous_action": joints,
+        "command": signs_mirror(COMMAND_SIGNS),
+    }
     clock = [signs_mirror(CLOCK_SIGNS)] if inputs.clock else []
+    if inputs.terms:
+        terms = [*(by_term[name] for name in inputs.terms), *clock]
+        return concatenate_mirrors([term for term in terms for _ in range(inputs.history)])
+    observation = list(by_term.values())
     odometer = [signs_mirror(COMMAND_SIGNS)] if inputs.position_error else []
     return concatenate_mirrors([*observation, *clock, *odometer, *(observation * inputs.frames)])
 

@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 from policies.base import Actions, Floats, GaitedPolicy, Policy, all_finite, within_limits
 from policies.gait_cycle import FREQUENCY_FILTER_GAIN, TURN, frequency_increase
 from policies.history import History, Inputs
+from policies.input_terms import TermInputs
 from policies.memory import PerRobotState, initialize_state, per_robot
 from policies.network import Network
+from policies.poses import Stand
 from policies.velocity_error_integral import VelocityErrorIntegral
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -53,11 +55,18 @@ class Features(PerRobotState):
     - if `inputs` bounds the position error: forward and lateral position error, m, and yaw error, rad;
     - if `inputs` defines a history: past observations and averages of observations.
 
+    If `inputs` names observation terms, the features are only the last values of these terms and of the clock, see
+    `policies.input_terms.TermInputs`.
+
     A reset of this object does not reset the base policy; the caller must reset it.
 
     Args:
         base: Base policy that the network corrects.
-        inputs: Past observations, averages and clock that are additional features.
+        inputs: Past observations, averages and clock that are additional features; or the terms that are features.
+        hold: Number of control steps for which the policy holds each correction, the interval of the values of terms.
+
+    Raises:
+        ValueError: `inputs` names terms, and the base policy is not a fixed pose or has a height scan.
     """
 
     ticks: Floats = per_robot(0.0)
@@ -70,9 +79,11 @@ class Features(PerRobotState):
     clock_increase: Floats = per_robot(0.0)
     """Present increase of the clock's frequency because of the velocity error, (n,), Hz."""
 
-    def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
+    def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY, hold: int = 1) -> None:
         self.base = base
         self.inputs = inputs
+        self.terms = _make_term_inputs(base, inputs, hold)
+        """Features of a policy that observes only some terms; None if the whole observation is features."""
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
         """Number of observation elements that precede the height scan. The history consists of these elements only."""
@@ -99,7 +110,7 @@ class Features(PerRobotState):
             "history": self._history.width,
         }
         ends = np.cumsum(list(widths.values())).tolist()
-        self.width: int = ends[-1]
+        self.width: int = ends[-1] if self.terms is None else self.terms.width
         """Number of network inputs (features) of each robot."""
         self.columns = {
             name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True) if width
@@ -118,6 +129,8 @@ class Features(PerRobotState):
             Features, the inputs of the network, (n, `width`).
         """
         self.ticks = self.ticks + _ONE
+        if self.terms is not None:
+            return self.terms.update(observation, self._clock_columns(observation) if self.inputs.clock else None)
         features = np.empty((len(observation), self.width), np.float32)
         parts = {name: features[:, columns] for name, columns in self.columns.items()}
         scaled = np.multiply(observation, self._table.scale, out=parts["observation"])
@@ -134,15 +147,28 @@ class Features(PerRobotState):
             if self.inputs.clock and self.inputs.clock_gain:
                 self._adapt_clock(velocity_error, is_finite)
         if "clock" in parts:
-            _write_phase(self.clock_phase, parts["clock"])
-            if self.inputs.clock_at_rest == "hidden":
-                parts["clock"][~observation[:, self._command].any(axis=1)] = 0.0
+            self._write_clock(observation, parts["clock"])
         if "position error" in parts:
             known_velocity = velocity if is_finite else np.nan_to_num(velocity)
             parts["position error"][:] = self._position_error.update(command, known_velocity)
         if "history" in parts:
             self._history.update(scaled[:, : self._own], out=parts["history"])
         return features
+
+    def _clock_columns(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return sine and cosine of the clock, (n, 2), for an `observation`, (n, k), of k numbers per robot."""
+        columns = np.empty((len(observation), 2), np.float32)
+        self._write_clock(observation, columns)
+        return columns
+
+    def _write_clock(self, observation: NDArray[np.float32], columns: NDArray[np.float32]) -> None:
+        """Write sine and cosine of the clock to `columns`, (n, 2); both are 0 for a robot at rest if so defined.
+
+        A robot is at rest while the command in its row of `observation`, (n, k), is zero.
+        """
+        _write_phase(self.clock_phase, columns)
+        if self.inputs.clock_at_rest == "hidden":
+            columns[~observation[:, self._command].any(axis=1)] = 0.0
 
     def _level_scan(self, observation: NDArray[np.float32], scaled: NDArray[np.float32]) -> None:
         """Make the height scan in the features relative to the scan of level ground in the home pose.
@@ -177,6 +203,21 @@ class Features(PerRobotState):
     def clock_phase(self) -> Floats:
         """Phase of the additional clock that `inputs` defines, at the latest observation, (n,), rad."""
         return self._clock_step * self.ticks + self.clock_offset
+
+
+def _make_term_inputs(base: Policy, inputs: Inputs, hold: int) -> TermInputs | None:
+    """Make the features of a policy that observes only the terms in `inputs`; return None if `inputs` has no terms.
+
+    Raises ValueError if the `base` is not a fixed pose, because its action would depend on other terms, or if it has a
+    height scan.
+    """
+    if not inputs.terms:
+        return None
+    if not isinstance(base, Stand):
+        raise ValueError(f"Inputs.terms: the base policy must be a fixed pose, got {base.name}; valid: stand, crouch")
+    if base.height_scan is not None:
+        raise ValueError("Inputs.terms: the base policy must have no height scan")
+    return TermInputs(base.robot, inputs, hold, base.control_period)
 
 
 def apply_correction(
@@ -255,7 +296,7 @@ class ResidualPolicy(Policy):
         bounded: bool = True,
     ) -> None:
         robot = base.robot
-        self.features = Features(base, inputs)
+        self.features = Features(base, inputs, hold)
         self.hold = hold
         self.bounded = bounded
         if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
