@@ -21,6 +21,8 @@ from quad_env.scenarios.registry import scenario
 from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.sensor_models import Channel
 from quad_env.task.rewards import user_rewards
+from train import deployable
+from train.deployable import Observations
 
 PolicyKind = Literal["residual", "end-to-end"]
 RecipeName = Literal["default", "joystick", "improve"]
@@ -213,6 +215,11 @@ class TrainConfig:
     """Phase of the network's clock input, --inputs.clock, at the start of a training episode: zero, or drawn at
     random."""
     inputs: Inputs = HISTORY_INPUTS
+    observations: Observations = "all"
+    """Observations of the policy. all: the whole observation. deployable: quantities that a robot measures, without
+    linear velocity, for robots on their hardware profile; estimated: these and the estimated linear velocity. Both need
+    --policy end-to-end, and change the defaults of --inputs, --mixture and --validation.scenarios. The value network
+    always observes the true state."""
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Give the network a height scan of the ground around the robot, see --scan."""
     scan: HeightScan = dataclasses.field(default_factory=HeightScan)
@@ -357,11 +364,43 @@ def default_settings(given: TrainConfig) -> TrainConfig:
     Raises UsageError if the recipe is for another kind of policy.
     """
     if given.recipe == "default":
-        return dataclasses.replace(DEFAULTS[given.policy], robot=given.robot)
+        settings = dataclasses.replace(DEFAULTS[given.policy], robot=given.robot)
+        return with_observations(settings, given.observations)
     recipe = RECIPES[given.recipe]
     if given.policy != recipe.policy:
         raise UsageError(f"--recipe {given.recipe} is for --policy {recipe.policy}")
-    return recipe if given.robot == HardwareConfig.robot else dataclasses.replace(recipe, robot=given.robot)
+    settings = recipe if given.robot == HardwareConfig.robot else dataclasses.replace(recipe, robot=given.robot)
+    return with_observations(settings, given.observations)
+
+
+def with_observations(settings: TrainConfig, observations: Observations) -> TrainConfig:
+    """Return default settings of a training run for a value of the option --observations.
+
+    Args:
+        settings: Default settings of a run with all observations.
+        observations: Value of `--observations`.
+
+    Returns:
+        The settings; inputs, scenarios and the time of an action are those of a policy for robots unless the value is
+        all.
+
+    Raises:
+        UsageError: The policy corrects a base policy, which has all observations.
+    """
+    if observations == "all":
+        return settings
+    if settings.policy != "end-to-end":
+        raise UsageError(f"--observations: {observations} needs --policy end-to-end, got {settings.policy}")
+    return dataclasses.replace(
+        settings,
+        observations=observations,
+        inputs=deployable.deployable_inputs(observations, settings.inputs),
+        mixture=deployable.hardware_mixture(settings.mixture),
+        ppo=dataclasses.replace(settings.ppo, hold=deployable.HOLD),
+        validation=dataclasses.replace(
+            settings.validation, scenarios=deployable.hardware_scenarios(settings.validation.scenarios)
+        ),
+    )
 
 
 def check(config: TrainConfig) -> None:
@@ -397,6 +436,7 @@ def check(config: TrainConfig) -> None:
     _check_hardware_profile(config)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
+    _check_observations(config)
     if config.recipe == "improve" and config.start is None:
         raise UsageError("--recipe improve needs --start, the folder of a policy that walks")
     if config.ppo.symmetry != "none" and (config.base not in POSES or config.sighted):
@@ -409,6 +449,15 @@ def check_scan_rate(scan: HeightScan) -> None:
         Channel(1, 1, scan.rate, scan.delay, 1.0 / CONTROL_PERIOD)
     except ValueError as error:
         raise UsageError(f"--scan.rate: {error}") from None
+
+
+def _check_observations(config: TrainConfig) -> None:
+    """Raise UsageError if the policy cannot have the observation terms of the settings."""
+    deployable.check_observations(config.observations, config.inputs)
+    if config.inputs.terms and config.policy != "end-to-end":
+        raise UsageError(f"--inputs.terms: terms need --policy end-to-end, got {config.policy}")
+    if config.inputs.terms and config.sighted:
+        raise UsageError("--sighted: --inputs.terms have no height scan; leave one of them out")
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:

@@ -52,6 +52,7 @@ class BaseGroup:
         rows: Range of the indices that the robots of the group have in the environment.
         inputs: Past observations, averages and clock that the learner observes in addition to the current observation
             and the action of the base policy.
+        hold: Number of control steps for which the learner holds each correction.
     """
 
     action: Actions
@@ -59,10 +60,10 @@ class BaseGroup:
     features: FloatArray
     """Latest inputs of the network of the learner for the robots of the group, (k, `width`)."""
 
-    def __init__(self, base: Policy, rows: slice, inputs: Inputs) -> None:
+    def __init__(self, base: Policy, rows: slice, inputs: Inputs, hold: int) -> None:
         self.base = base
         self.rows = rows
-        self._feature_extractor = Features(base, inputs)
+        self._feature_extractor = Features(base, inputs, hold)
         self.width = self._feature_extractor.width
         """Number of features, inputs of the network of the learner, of a robot."""
         self._reset_base = copy.deepcopy(base)
@@ -70,7 +71,7 @@ class BaseGroup:
 
         Then the states of the restarted robots are copied from this policy to `base`. `base` itself has already acted
         for all robots in the same step. A second call of `base` would advance the clocks of the other robots twice."""
-        self._reset_feature_extractor = Features(self._reset_base, inputs)
+        self._reset_feature_extractor = Features(self._reset_base, inputs, hold)
 
     @property
     def clock_phase(self) -> NDArray[np.float64]:
@@ -171,7 +172,7 @@ class ResidualVectorEnv(
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
-        self.bases = _make_groups(env, base, inputs)
+        self.bases = _make_groups(env, base, inputs, hold)
         robot = self.bases[0].base.robot
         self.authority = authority if authority is not None else authority_of(robot)
         self._hold = hold
@@ -297,7 +298,10 @@ class ResidualVectorEnv(
 
 
 def _make_groups(
-    env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], base: Policy | Sequence[tuple[Policy, int]], inputs: Inputs
+    env: VectorEnv[FloatArray, FloatArray, NDArray[Any]],
+    base: Policy | Sequence[tuple[Policy, int]],
+    inputs: Inputs,
+    hold: int,
 ) -> list[BaseGroup]:
     """Make a `BaseGroup` for each base policy of an environment.
 
@@ -311,7 +315,8 @@ def _make_groups(
     for policy, _ in bases:
         policy.check_compatible(robots.robot, robots.dt)
     return [
-        BaseGroup(policy, slice(end - count, end), inputs) for (policy, count), end in zip(bases, ends, strict=True)
+        BaseGroup(policy, slice(end - count, end), inputs, hold)
+        for (policy, count), end in zip(bases, ends, strict=True)
     ]
 
 

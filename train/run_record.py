@@ -20,7 +20,7 @@ from evaluate.records.training_run import load_settings
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, RECIPES, TrainConfig
+from train.config import DEFAULTS, RECIPES, TrainConfig, with_observations
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 _NOT_SETTINGS = ("out", "part", "resume", "seeds", "threads")
@@ -153,6 +153,9 @@ def training_command(config: TrainConfig) -> str:
     if config.recipe != "default":
         options.append(f"--recipe {config.recipe}")
         default = RECIPES[config.recipe]
+    if config.observations != "all":
+        options.append(f"--observations {config.observations}")
+        default = with_observations(default, config.observations)
     return " ".join(["python -m train", *options, changed_options(default, config)])
 
 
@@ -174,12 +177,14 @@ def changed_options(default: Any, config: Any) -> str:
 def evaluation_command(config: TrainConfig) -> str:
     """Return the command line that evaluates the best policy of a training run.
 
-    The command has the hardware settings of the run. For a residual policy, it evaluates the base policy too.
+    The command has the hardware settings of the run, or the hardware profile for a policy with observations of a robot.
+    For a residual policy, it evaluates the base policy too.
     """
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
     words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
     words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
+    words += [] if config.observations == "all" else ["--hardware"]
     return shlex.join([*words, "--out", str(config.folder / "evaluation")])
 
 

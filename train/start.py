@@ -11,7 +11,8 @@ from stable_baselines3 import PPO
 import policies
 from policies.residual import ResidualPolicy, authority_of
 from quad_env.cli.command_line import UsageError
-from train.config import TrainConfig
+from train.config import TrainConfig, with_observations
+from train.deployable import observations_of
 from train.run_folder import CHECKPOINTS, has_checkpoint
 from train.sb3 import checkpoint
 from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
@@ -67,6 +68,8 @@ def _check_settings(model: PPO, config: TrainConfig, start: Path, policy: Residu
     check_widths(model, policy.network)
     if policy.features.inputs != config.inputs:
         raise ValueError(f"{start} has other --inputs than this run")
+    if policy.features.inputs.terms and policy.hold != config.ppo.hold:
+        raise ValueError(f"{start} has a history at intervals of {policy.hold} steps; give --ppo.hold {policy.hold}")
     authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
     if not np.allclose(policy.authority, authority):
         raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
@@ -112,10 +115,15 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
     hidden = policy.network.sizes[1:-1]
     if defaults.ppo.symmetry != "none":
         hidden = tuple(width // 2 for width in hidden)
+    inputs = policy.features.inputs
+    if (observations := observations_of(inputs)) != defaults.observations and observations != "all":
+        defaults = with_observations(defaults, observations)
+    if inputs.terms:
+        defaults = dataclasses.replace(defaults, ppo=dataclasses.replace(defaults.ppo, hold=policy.hold))
     settings: dict[str, Any] = {
         "start": start,
         "base": policy.base.name,
-        "inputs": policy.features.inputs,
+        "inputs": inputs,
         "hip_authority": _authority(policy, 0),
         "joint_authority": _authority(policy, 1),
         "correction": "bounded" if policy.bounded else "scaled",

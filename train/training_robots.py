@@ -25,6 +25,7 @@ from quad_env.scenarios.disturbances import Kicks
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
+from quad_env.task.observations import observation_table
 from quad_env.task.rewards import REWARD
 from train.config import EFFORT_TERMS, TrainConfig
 from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
@@ -57,6 +58,8 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
             which their first episodes are truncated, (n,). None: first episodes have their full length.
         threads: Number of threads. Each thread steps the robots of one scenario at a time. Results do not depend on
             this number.
+        has_privileged_observation: True if `infos["privileged"]` has the observation of the true state, for a policy
+            that does not observe all of it.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
         batches: Sequence[SimpleQuadVectorEnv],
         first_episode_steps: Callable[[Sequence[int] | None], NDArray[np.int64]] | None = None,
         threads: int = 1,
+        has_privileged_observation: bool = False,
     ) -> None:
         super().__init__(batches, threads)
         n = self.num_envs
@@ -77,10 +81,14 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
         self._scenario_one_hot = np.repeat(
             np.eye(len(batches), dtype=np.float32), [batch.num_envs for batch in batches], axis=0
         )
-        self.privileged_width = len(batches) + 3 + 2
+        self._scale = observation_table(self.robot).scale
+        self._has_privileged_observation = has_privileged_observation
+        observed = len(self._scale) if has_privileged_observation else 0
+        self.privileged_width = len(batches) + observed + 3 + 2
         """Number of values per robot in `infos["privileged"]`, the observation that only the value network receives.
 
-        The values are the one-hot scenario, the true velocity (3 values) and the pushing force (2 values)."""
+        The values are the one-hot scenario, the scaled observation of the true state if the argument
+        `has_privileged_observation` is True, the true velocity (3 values) and the pushing force (2 values)."""
         self._sums = defaultdict[str, float](float)
         self._interval_counts = np.zeros((2, len(batches)), np.int64)
 
@@ -180,11 +188,15 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
     def _privileged(self, infos: Infos) -> FloatArray:
         """Return the observations that only the value network receives, (n, `privileged_width`).
 
-        The columns are the one-hot scenario, the true velocity in the heading frame (forward, lateral, yaw rate; m/s
-        and rad/s), and the push in the heading frame (forward, lateral) in units of `PUSH_SCALE`.
+        The columns are the one-hot scenario, the scaled observation of the true state if required, the true velocity in
+        the heading frame (forward, lateral, yaw rate; m/s and rad/s), and the push in the heading frame (forward,
+        lateral) in units of `PUSH_SCALE`.
         """
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH_SCALE
-        return np.concatenate((self._scenario_one_hot, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
+        columns = [self._scenario_one_hot, infos["heading_velocity"], pushes.T]
+        if self._has_privileged_observation:
+            columns.insert(1, self.true_observation() * self._scale)
+        return np.concatenate(columns, axis=1, dtype=np.float32)
 
     def _count_step(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
         """Add a control step of all robots, and the command intervals that end in it, to the statistics.
@@ -262,7 +274,8 @@ def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
     effort = effort_weight_scale(config, 0)
     count = len(robots_per_scenario(config))
     batches = [make_batch(config, number, config.curriculum, effort) for number in range(count)]
-    return MultiScenarioVectorEnv(batches, sample_first_lengths, config.threads if uses_batch_threads(config) else 1)
+    threads = config.threads if uses_batch_threads(config) else 1
+    return MultiScenarioVectorEnv(batches, sample_first_lengths, threads, bool(config.inputs.terms))
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:

@@ -94,6 +94,10 @@ def describe_inputs(shipped: TrainedRun) -> str:
     policy = policies.load(shipped.bundle, shipped.config.hardware.robot_model, servo="own")
     inputs = policy.features.inputs
     parts = ["the observation"]
+    if inputs.terms:
+        names = join_names([name.replace("_", " ") for name in inputs.terms])
+        rate = 1.0 / (policy.hold * policy.control_period)
+        parts = [f"the last {inputs.history} values at {rate:g} Hz of {names}"]
     if policy.height_scan is not None:
         parts.append(_describe_scan(policy.height_scan))
     if isinstance(policy.base, GaitedPolicy):

@@ -54,6 +54,24 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     np.testing.assert_array_equal(infos["command"], fresh["command"])
 
 
+@pytest.mark.parametrize("hold", [1, 2])
+def test_the_history_of_terms_is_that_of_a_policy_alone_also_after_a_fall(hold):
+    """Robot 1 falls, and begins its next episode with its first observation as its whole history."""
+    inputs = Inputs(terms=("angular_velocity", "joint_velocity"), history=3, clock=1.5)
+    env, seen = residual(2, "stand", hold, inputs=inputs, scenario="flat")
+    first, width = seen.copy(), 3 * (3 + 12)
+    for step in range(4):
+        if step == 3:
+            env.unwrapped.simulation.qpos[1, 3:7] = (0.0, 1.0, 0.0, 0.0)
+        seen, _, terminated, _, _ = env.step(noise(step, 2))
+    assert terminated.tolist() == [False, True]
+    gyro, speed = seen[:, : 3 * 3].reshape(2, 3, 3), seen[:, 3 * 3 : width].reshape(2, 3, 12)
+    for history in (gyro, speed):
+        assert (history[1] == history[1, :1]).all()
+        assert (history[0] != history[0, :1]).any()
+    np.testing.assert_array_equal(seen[1, width:], first[1, width:])
+
+
 def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone():
     """The two robots are reset at different times; the second reset uses the second robot's own history."""
     inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
@@ -116,10 +134,21 @@ def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_b
         np.testing.assert_array_equal(found[[0, 2]], uncut[[0, 2]])
 
 
-@pytest.mark.parametrize(("base", "steps"), [("trot_integral", 40), ("mpc", 10), ("stand", 40)])
-def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, steps):
+REMEMBERED = Inputs((0.03,), (0.2,), 1.5)
+
+
+@pytest.mark.parametrize(
+    ("base", "steps", "inputs"),
+    [
+        ("trot_integral", 40, REMEMBERED),
+        ("mpc", 10, REMEMBERED),
+        ("stand", 40, REMEMBERED),
+        ("stand", 40, Inputs(terms=("joint_position", "command", "angular_velocity"), history=3, clock=1.5)),
+    ],
+)
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, steps, inputs):
     """The same network is used by the learner and by a policy with held corrections, memory and clock."""
-    inputs, limits = Inputs((0.03,), (0.2,), 1.5), authority_of(SIMPLE_QUAD) / 5.0
+    limits = authority_of(SIMPLE_QUAD) / 5.0
     env = ResidualVectorEnv(robots(3), policies.make(base), limits, 2, inputs)
     (width,) = env.single_observation_space.shape
     assert env.single_action_space.shape == (12,)

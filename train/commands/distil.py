@@ -13,6 +13,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP
+from train.deployable import without_inputs
 from train.distillation.config import DistillationConfig, check, default_settings
 from train.run_folder import CONFIG_FILE, has_checkpoint, steps_done
 from train.run_record import decode, differences
@@ -92,7 +93,8 @@ def parse(words: list[str]) -> DistillationConfig:
             --resume continues.
     """
     words = _without_teacher_of_help(words)
-    config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "")
+    defaults = _defaults(words)
+    config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "", default=defaults)
     if config.resume:
         stored = dataclasses.replace(_load(config.folder), out=config.out)
         words = _without_flags_of(stored, words)
@@ -100,9 +102,6 @@ def parse(words: list[str]) -> DistillationConfig:
         if changed := differences(stored, config):
             fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
             raise UsageError(fact)
-    elif config.sighted:
-        default = default_settings(config)
-        config = parse_options(DistillationConfig, words, program=NAME, description="", default=default)
     check(config)
     return config
 
@@ -114,6 +113,19 @@ def _without_flags_of(stored: DistillationConfig, words: list[str]) -> list[str]
     """
     flags = {"--sighted": stored.sighted, "--trust": stored.trust}
     return [word for word in words if not flags.get(word, False)]
+
+
+def _defaults(words: list[str]) -> DistillationConfig:
+    """Return the values of options that are not given on the command line `words`.
+
+    The values depend on --observations and --sighted.
+    """
+    selecting = [word for word in without_inputs(words) if word not in HELP]
+    try:
+        return default_settings(parse_options(DistillationConfig, selecting, program=NAME, description=""))
+    except UsageError:
+        # The second parse prints the help, or the message about the wrong option.
+        return DistillationConfig()
 
 
 def _without_teacher_of_help(words: list[str]) -> list[str]:

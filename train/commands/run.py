@@ -15,6 +15,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.commands import distil, seeds
 from train.config import DEFAULTS, TrainConfig, check, default_settings
+from train.deployable import without_inputs
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
 
@@ -36,6 +37,7 @@ BASIC_OPTIONS = (
     "resume",
     "threads",
     "device",
+    "observations",
     "sighted",
     "mixture",
     "robot",
@@ -127,9 +129,9 @@ def _defaults(words: list[str]) -> TrainConfig:
     `parse` parses it again with the defaults that this function returns, and prints the help if requested.
     """
     wants_help = not HELP.isdisjoint(words)
-    without_help = [word for word in words if word not in HELP]
+    selecting = [word for word in without_inputs(words) if word not in HELP]
     try:
-        given = parse_options(TrainConfig, without_help, program=NAME, description="", default=DEFAULTS["residual"])
+        given = parse_options(TrainConfig, selecting, program=NAME, description="", default=DEFAULTS["residual"])
     except UsageError:
         if wants_help:
             return DEFAULTS["residual"]

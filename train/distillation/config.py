@@ -13,6 +13,7 @@ from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.scenarios.scenario import HARDWARE, SCAN_DROPOUTS, SCAN_LOST
 from quad_env.sensing.height_scan import HeightScan
+from train import deployable
 from train.config import (
     MAX_HIDDEN_LAYERS,
     MAX_SEED,
@@ -21,6 +22,7 @@ from train.config import (
     check_scan_rate,
     check_scenarios,
 )
+from train.deployable import Observations
 from train.run_record import changed_options
 
 STUDENT = "student"
@@ -147,7 +149,12 @@ class DistillationConfig:
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos, N·m/rad and N·m·s/rad, for example 35/0.5; by default from the teacher."""
+    """Stiffness/damping of the servos, N·m/rad and N·m·s/rad, for example 35/0.5; by default from the teacher, or with
+    --observations deployable or estimated from the robot's manufacturer."""
+    observations: Observations = "all"
+    """Observations of the student. all: the whole observation. deployable: quantities that a robot measures, without
+    linear velocity, for robots on their hardware profile; estimated: these and the estimated linear velocity. Both
+    change the defaults of --inputs, --hold, --clock, --position-error, --mixture and --validation.scenarios."""
     labels: int = parameter(1_400_000, limits=(1, 10**12 - 1))
     """Number of labels of the whole run; a label is the action of the teacher for one robot in one control step."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
@@ -201,8 +208,9 @@ class DistillationConfig:
     clock: Literal["teacher", "constant", "none"] = "teacher"
     """Clock input of the network. teacher: gait clock of the teacher, which steps faster after a push; constant: clock
     of the teacher's step frequency, which does not; none: no clock, the teacher walks by its own."""
-    position_error: Literal["teacher", "none"] = "teacher"
-    """teacher: the network has the position error as an input if the teacher corrects it; none: it does not."""
+    position_error: Literal["teacher", "none", "off"] = "teacher"
+    """teacher: the network has the position error as an input if the teacher corrects it; none: it does not; off: the
+    network does not have it, and a model-based teacher does not correct it."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the training, each with its share of the robots. Scenarios can be combined, as in
     payload=15+slope=10; the suffix +randomised adds domain randomisation."""
@@ -235,6 +243,11 @@ class DistillationConfig:
         return self.inputs.clock > 0.0 or self.clock != "none"
 
     @property
+    def has_own_servo(self) -> bool:
+        """True if the servos have the gains of the robot's manufacturer, whichever gains the teacher prefers."""
+        return self.observations != "all" and not self.servo
+
+    @property
     def hardware(self) -> HardwareConfig:
         """Hardware of the simulated robots: the robot and its servo gains, and ideal motors.
 
@@ -255,15 +268,27 @@ class DistillationConfig:
 
 
 def default_settings(given: DistillationConfig) -> DistillationConfig:
-    """Return the default settings of a distillation with the teacher of `given`, and for a sighted student if it is.
+    """Return the default settings of a distillation with the teacher and the observations of `given`.
 
-    The flag --sighted itself is off in the result, so that a command line can have it.
+    A sighted student has its own scenarios. The flag --sighted itself is off in the result, so that a command line can
+    have it.
     """
-    default = DistillationConfig(teacher=given.teacher)
-    if not given.sighted:
+    default = DistillationConfig(teacher=given.teacher, observations=given.observations)
+    if given.sighted:
+        validation = dataclasses.replace(default.validation, scenarios=SIGHTED_VALIDATION_SCENARIOS)
+        return dataclasses.replace(default, labels=SIGHTED_LABELS, mixture=SIGHTED_MIXTURE, validation=validation)
+    if given.observations == "all":
         return default
-    validation = dataclasses.replace(default.validation, scenarios=SIGHTED_VALIDATION_SCENARIOS)
-    return dataclasses.replace(default, labels=SIGHTED_LABELS, mixture=SIGHTED_MIXTURE, validation=validation)
+    scenarios = deployable.hardware_scenarios(default.validation.scenarios)
+    return dataclasses.replace(
+        default,
+        inputs=deployable.deployable_inputs(given.observations, Inputs()),
+        hold=deployable.HOLD,
+        clock="constant",
+        position_error="none",
+        mixture=deployable.hardware_mixture(default.mixture),
+        validation=dataclasses.replace(default.validation, scenarios=scenarios),
+    )
 
 
 def check(config: DistillationConfig) -> None:
@@ -291,11 +316,18 @@ def check(config: DistillationConfig) -> None:
     except ValueError as error:
         raise UsageError(str(error)) from None
     robot = config.hardware.robot_model
+    if config.sighted and (config.observations != "all" or config.inputs.terms):
+        raise UsageError("--sighted: deployable observations have no height scan; leave one of the options out")
+    deployable.check_observations(config.observations, config.inputs)
+    if config.inputs.terms and config.clock == "teacher" and not config.inputs.clock:
+        raise UsageError("--clock: the teacher's clock needs the linear velocity, got teacher; valid: constant, none")
+    if config.inputs.terms and config.position_error == "teacher":
+        raise UsageError("--position-error: --inputs.terms have no position error, got teacher; valid: none, off")
     check_mixture(config.mixture, robot)
     check_scenarios("--validation.scenarios", config.validation.scenarios, robot)
 
 
 def distillation_command(config: DistillationConfig) -> str:
     """Return the command line that repeats the distillation with the settings `config`."""
-    default = default_settings(config)
+    default = dataclasses.replace(default_settings(config), observations="all")
     return f"python -m train --teacher {config.teacher} {changed_options(default, config)}"

@@ -80,8 +80,9 @@ def is_finished(folder: Path) -> bool:
 def evaluation_command(config: DistillationConfig) -> str:
     """Return the command line that evaluates the best student of a distillation and its teacher."""
     robot = "" if config.robot == "simple_quad" else f" --robot {config.robot}"
+    profile = "" if config.observations == "all" else " --hardware"
     out = config.folder / "evaluation"
-    return f"python -m evaluate{robot} --policies {config.teacher} {config.folder} --out {out}"
+    return f"python -m evaluate{robot}{profile} --policies {config.teacher} {config.folder} --out {out}"
 
 
 def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVectorEnv:
@@ -155,7 +156,7 @@ class Distillation:
         self._inputs = student_inputs(config, teacher)
         self._robots = make_robots(config, self._robot)
         self._teacher = PrivilegedTeacher(config, self._robots)
-        features = Features(make_pose(self._robot, config.height_scan), self._inputs)
+        features = Features(make_pose(self._robot, config.height_scan), self._inputs, config.hold)
         authority = authority_of(self._robot, config.hip_authority, config.joint_authority)
         self._collector = LabelCollector(config, self._robots, self._teacher, features, authority)
         self._network = StudentNetwork([features.width, *config.fit.hidden, len(authority)], config.seed)

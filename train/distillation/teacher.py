@@ -38,10 +38,14 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
         UsageError: The policy does not exist, or it does not fit the robot.
     """
     try:
-        teacher = config.hardware.policy(config.teacher, config.trust)
+        own_servo: dict[str, Any] = {"robot": config.hardware.robot_model.with_servo()} if config.has_own_servo else {}
+        teacher = config.hardware.policy(config.teacher, config.trust, **own_servo)
+        options: dict[str, Any] = {"sensors": "truth", "robot": teacher.robot}
+        if config.position_error == "off" and isinstance(teacher, ModelBased):
+            options["parameters"] = dataclasses.replace(teacher.parameters, position_gain=0.0)
+            teacher = config.hardware.policy(config.teacher, config.trust, **options)
         if not on_hardware_profile:
             return teacher
-        options: dict[str, Any] = {"sensors": "truth", "robot": teacher.robot}
         return config.hardware.policy(config.teacher, config.trust, on_hardware_profile=True, **options)
     except policies.PolicyError as error:
         raise UsageError(f"--teacher: {error}") from None

@@ -29,7 +29,6 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import PRIVILEGED_TAIL_SIGNS
 
 SCHEMA = 2
 """Version of the file format of checkpoints."""
@@ -155,7 +154,8 @@ def _fit_scenarios(weights: dict[str, torch.Tensor], model: PPO) -> None:
         other = weights.get(name)
         if other is None or own.dim() < 2 or own.shape[1] != model.policy.features_dim:
             continue
-        count = env.privileged - len(PRIVILEGED_TAIL_SIGNS)
+        robots: Any = env.env.unwrapped
+        count = len(robots.batches)
         end = first + count + other.shape[1] - own.shape[1]
         if end > first:
             mean = other[:, first:end].mean(dim=1, keepdim=True)

@@ -23,13 +23,14 @@ from policies.mirror import (
     symmetric_network,
 )
 from policies.network import Network, fold_normalization
+from policies.residual import NO_HISTORY
 from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
 from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
 from train.sb3.vec_env import TrainingVecEnv
 from train.torch_network import to_array, to_network
-from train.training_robots import PRIVILEGED_TAIL_SIGNS
+from train.training_robots import PRIVILEGED_TAIL_SIGNS, robots_per_scenario
 
 OWN_RATE = "own_rate"
 """Key of a parameter group of the optimiser with a constant learning rate, which the schedule does not change."""
@@ -181,10 +182,10 @@ def _structure(config: TrainConfig, env: TrainingVecEnv) -> dict[str, Any]:
     structure: dict[str, Any] = {}
     if config.ppo.symmetry != "none":
         group = cast(ResidualVectorEnv, env.env).bases[0]
-        tail = len(PRIVILEGED_TAIL_SIGNS)
-        invariant = signs_mirror((1.0,) * (env.privileged - tail))
-        parts = (feature_mirror(group.base, config.inputs), invariant, signs_mirror(PRIVILEGED_TAIL_SIGNS))
-        mirror = concatenate_mirrors(parts)
+        scenarios = signs_mirror((1.0,) * len(robots_per_scenario(config)))
+        observed = [feature_mirror(group.base, NO_HISTORY)] if config.inputs.terms else []
+        privileged = (scenarios, *observed, signs_mirror(PRIVILEGED_TAIL_SIGNS))
+        mirror = concatenate_mirrors((feature_mirror(group.base, config.inputs), *privileged))
         structure["mirrors"] = (mirror, joint_mirror(group.base.robot))
         structure["mirror_critic"] = config.ppo.symmetry == "actor-critic"
     if config.ppo.normalization == "running":
