@@ -381,8 +381,7 @@ def with_observations(settings: TrainConfig, observations: Observations) -> Trai
         observations: Value of `--observations`.
 
     Returns:
-        The settings; inputs, scenarios and the time of an action are those of a policy for robots unless the value is
-        all.
+        The settings. Unless the value is all, inputs, scenarios and the time of an action suit a policy for robots.
 
     Raises:
         UsageError: The policy corrects a base policy, which has all observations.

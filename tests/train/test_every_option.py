@@ -221,12 +221,16 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"recipe", "resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"} | {
-    *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
-    *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
-    *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization", "ppo.critic_learning_rate", "seeds", "part"),
-}
-"""Options with their own tests, below or in test_command, test_seeds, test_start, test_run and test_warp.
+ELSEWHERE = (
+    {"recipe", "resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"}
+    | {"observations"}
+    | {
+        *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
+        *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
+        *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization", "ppo.critic_learning_rate", "seeds", "part"),
+    }
+)
+"""Options with their own tests, below or in test_command, test_deployable, test_seeds, test_start, test_run and test_warp.
 
 The options of the learner are tested in tests/planted_faults/test_training_faults.py and sb3/test_ppo.py.
 """
