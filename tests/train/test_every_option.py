@@ -230,7 +230,7 @@ ELSEWHERE = (
         *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization", "ppo.critic_learning_rate", "seeds", "part"),
     }
 )
-"""Options with their own tests, below or in test_command, test_deployable, test_seeds, test_start, test_run and test_warp.
+"""Options with their own tests, below or in another module of this folder.
 
 The options of the learner are tested in tests/planted_faults/test_training_faults.py and sb3/test_ppo.py.
 """
