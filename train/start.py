@@ -18,6 +18,7 @@ from train.sb3 import checkpoint
 from train.sb3.actor_critic import AsymmetricPolicy, RunningNormalization
 from train.sb3.ppo import check_widths, normalization, set_actor
 from train.sb3.vec_env import TrainingVecEnv
+from train.scan_mixtures import improve_settings
 from train.servo import check_start_servo
 
 MEASURED_STEPS = 120
@@ -105,8 +106,9 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
         start: Folder of the policy bundle or run.
 
     Returns:
-        The settings, with base policy, inputs, authorities and widths of the network as in the policy of `start`. If
-        the policy cannot be read, the settings are unchanged, and the start of the run reports the error.
+        The settings, with base policy, height scan, inputs, authorities and widths of the network as in the policy of
+        `start`. With a height scan, the recipe `improve` has more uneven ground, and scans that are lost. If the policy
+        cannot be read, the settings are unchanged, and the start of the run reports the error.
     """
     try:
         policy = policies.load(start, defaults.hardware.robot_model, servo="own")
@@ -129,6 +131,8 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
         "correction": "bounded" if policy.bounded else "scaled",
         "ppo": dataclasses.replace(defaults.ppo, actor=tuple(hidden)),
     }
+    if policy.height_scan is not None:
+        settings |= {"sighted": True, "scan": policy.height_scan, **improve_settings(defaults)}
     return dataclasses.replace(defaults, **settings)
 
 

@@ -6,7 +6,7 @@ teacher observes the true state, without noise and delay. The result is a policy
 
 import dataclasses
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from evaluate.records.training_run import load_settings
 from quad_env.cli import launcher
@@ -97,7 +97,7 @@ def parse(words: list[str]) -> DistillationConfig:
     config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "", default=defaults)
     if config.resume:
         stored = dataclasses.replace(_load(config.folder), out=config.out)
-        words = _without_flags_of(stored, words)
+        words = without_set_flags(stored, words)
         config = parse_options(DistillationConfig, words, program=NAME, description="", default=stored)
         if changed := differences(stored, config):
             fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
@@ -106,13 +106,22 @@ def parse(words: list[str]) -> DistillationConfig:
     return config
 
 
-def _without_flags_of(stored: DistillationConfig, words: list[str]) -> list[str]:
-    """Return the words of a command line without the flags that the `stored` settings have already.
+def without_set_flags(settings: Any, words: list[str]) -> list[str]:
+    """Return the words of a command line without the flags that are on in the settings already.
 
-    A flag that is on by default is not an option of the command line any more.
+    A flag that is on by default is no option of the command line any more.
+
+    Args:
+        settings: Default settings of the command line, a dataclass.
+        words: Words of the command line.
+
+    Returns:
+        The other words.
     """
-    flags = {"--sighted": stored.sighted, "--trust": stored.trust}
-    return [word for word in words if not flags.get(word, False)]
+    values = {
+        f"--{field.name.replace('_', '-')}": getattr(settings, field.name) for field in dataclasses.fields(settings)
+    }
+    return [word for word in words if values.get(word) is not True]
 
 
 def _defaults(words: list[str]) -> DistillationConfig:

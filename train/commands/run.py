@@ -107,6 +107,7 @@ def parse(words: Sequence[str]) -> TrainConfig:
     spelled = normalise_option_names(TrainConfig, list(words))
     words = ["--help" if word == HELP_ALL else word for word in spelled]
     defaults = _defaults(words)
+    words = distil.without_set_flags(defaults, words)
     description = f"{__doc__}{PROGRAM.listing()}"
     if HELP & set(spelled):
         basic_config = _basic_config()

@@ -24,6 +24,7 @@ from train.config import (
 )
 from train.deployable import Observations
 from train.run_record import changed_options
+from train.scan_mixtures import with_scan_dropouts
 
 STUDENT = "student"
 """Name of a policy that a distillation has trained, without a height scan."""
@@ -84,10 +85,7 @@ def _sighted_mixture() -> tuple[tuple[str, float], ...]:
     ]
     lost = [(f"{name}{loss}{profile}", share) for name, loss, profile, share in SCAN_LOSS_SHARES]
     given = {name for name, _ in (*levels, *lost)}
-    blind = [
-        (f"{name.removesuffix(HARDWARE)}{SCAN_DROPOUTS}{HARDWARE * name.endswith(HARDWARE)}", BLIND_FRACTION * share)
-        for name, share in MIXTURE
-    ]
+    blind = with_scan_dropouts(MIXTURE, BLIND_FRACTION)
     return (*levels, *lost, *((name, share) for name, share in blind if name not in given))
 
 

@@ -18,10 +18,12 @@ from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import HARDWARE
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main
-from train.commands import distil
+from train.commands import distil, run
+from train.config import IMPROVE_MIXTURE
 from train.distillation import config as settings
 from train.distillation.run import Distillation
 from train.run_folder import BEST, LAST
+from train.run_record import load_config
 from train.training_robots import distribute_robots
 
 SCAN = HeightScan(ahead=2, behind=1, aside=1, spacing=0.15, noise=0.02, delay=0.02)
@@ -195,3 +197,27 @@ def test_a_wrong_option_gets_one_line(
 def test_a_resumed_run_keeps_its_scan(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--resume", "--out", str(finished), "--scan.noise", "0.5"]) == 2
     assert "--scan.noise: the run has 0.02, the command 0.5" in capsys.readouterr().err
+
+
+def test_ppo_continues_with_the_scan_of_a_sighted_student(finished: Path, tmp_path: Path) -> None:
+    recipe = f"--policy end-to-end --recipe improve --servo stiff --start {finished}"
+    config = run.parse(recipe.split())
+    assert (config.sighted, config.scan, config.base) == (True, SCAN, "stand")
+    assert run.parse([*recipe.split(), "--sighted"]) == config
+    found = [scenario(name) for name, _ in config.mixture]
+    assert {("rough", 0.24, False), ("stairs", 0.15, False), ("rough", 0.24, True)} <= {
+        (each.axis, each.severity, each.scan_lost) for each in found
+    }
+    plain = {name.replace("+scan_dropouts", "") for name, _ in config.mixture}
+    assert {name for name, _ in IMPROVE_MIXTURE} <= plain
+    assert {"rough:4", "stairs:3", "rough:4+scan_lost"} <= set(config.validation.scenarios)
+    brief = (
+        "--threads 1 --mixture flat 0.5 rough+scan_lost 0.5 --steps 64 --ppo.envs 8 --ppo.rollout-steps 4 "
+        "--ppo.minibatch 32 --ppo.epochs 1 --ppo.critic 8 --ppo.critic-steps 0 --validation.episodes 1 "
+        "--validation.scenarios flat --validation.interval 0 --max-episode-steps 30"
+    )
+    assert main([*recipe.split(), *brief.split(), "--out", str(tmp_path / "improved")]) == 0
+    policy = policies.load(tmp_path / "improved")
+    assert policy.height_scan == SCAN
+    command = json.loads((tmp_path / "improved" / "run.json").read_bytes())["command"]
+    assert run.parse([*shlex.split(command)[3:], "--threads", "1"]) == load_config(tmp_path / "improved")
