@@ -118,10 +118,8 @@ def without_set_flags(settings: Any, words: list[str]) -> list[str]:
     Returns:
         The other words.
     """
-    values = {
-        f"--{field.name.replace('_', '-')}": getattr(settings, field.name) for field in dataclasses.fields(settings)
-    }
-    return [word for word in words if values.get(word) is not True]
+    set_flags = {f"--{name.replace('_', '-')}" for name, value in vars(settings).items() if value is True}
+    return [word for word in words if word not in set_flags]
 
 
 def _defaults(words: list[str]) -> DistillationConfig:

@@ -159,12 +159,13 @@ class DistillationConfig:
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     seeds: str | None = None
     """Several seeds in place of --seed, one run after the other: a range such as 0-4, or a list such as 0,3,7. Each
-    seed has its own run folder, ROBOT-student-SEED in --out. With --resume, finished runs are skipped and stopped runs
-    are continued."""
+    seed has its own run folder, ROBOT-student-SEED in --out, or ROBOT-sighted-SEED. With --resume, finished runs are
+    skipped and stopped runs are continued."""
     part: str | None = None
     """Train only the K-th of N equal shares of --seeds, such as 2/5; other machines train the other shares."""
     out: Path | None = None
-    """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED."""
+    """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED, or runs/ROBOT-sighted-SEED with
+    --sighted."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))

@@ -220,4 +220,4 @@ def test_ppo_continues_with_the_scan_of_a_sighted_student(finished: Path, tmp_pa
     policy = policies.load(tmp_path / "improved")
     assert policy.height_scan == SCAN
     command = json.loads((tmp_path / "improved" / "run.json").read_bytes())["command"]
-    assert run.parse([*shlex.split(command)[3:], "--threads", "1"]) == load_config(tmp_path / "improved")
+    assert run.parse(shlex.split(command)[3:]) == load_config(tmp_path / "improved")
