@@ -1,4 +1,4 @@
-"""Check of a value against a type annotation, for the annotations that settings have.
+"""Check of a value against the type annotations of settings.
 
 A library for this check, typeguard, would be the 13th package that `pip install simple-quad` brings. The 12 others are
 the simulator, Gymnasium, NumPy, SciPy and what these require. A test compares this check with typeguard.

@@ -151,7 +151,11 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
 
 
 def update_difficulties(
-    difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
+    difficulties: Sequence[float],
+    counted: NDArray[np.int64],
+    tracked: NDArray[np.int64],
+    step: float = DIFFICULTY_STEP,
+    min_intervals: int = MIN_INTERVALS,
 ) -> list[float]:
     """Compute new difficulties of the scenarios: higher if most commands were tracked, lower if few were tracked.
 
@@ -161,13 +165,15 @@ def update_difficulties(
         difficulties: Difficulty of each of the s scenarios, from 0 to 1.
         counted: Number of command intervals of each scenario, (s,).
         tracked: Number of tracked command intervals of each scenario, (s,).
+        step: Smallest change of a difficulty.
+        min_intervals: Number of command intervals below which the difficulty of a scenario does not change.
 
     Returns:
         The new difficulties, from 0 to 1.
     """
     rates = tracked / np.maximum(counted, 1)
-    change = DIFFICULTY_STEP * np.select(
-        [counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE],
+    change = step * np.select(
+        [counted < min_intervals, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE],
         [0.0, 2.0, 1.0, -1.0],
         0.0,
     )

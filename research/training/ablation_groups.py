@@ -98,6 +98,8 @@ DISTILLATION_VARIANTS = {
     "no position error": Variant("--position-error none"),
     "half of the labels": Variant(budget_fraction=0.5),
     "a quarter of the labels": Variant(budget_fraction=0.25),
+    "no curriculum": Variant("--first-difficulty 1"),
+    "episodes until a fall": Variant("--max-tilt 3.2"),
     "squared error of the targets": Variant("--fit.loss target"),
     "256, 128 and 64 units": Variant("--fit.hidden 256 128 64"),
     "128 and 128 units": Variant("--fit.hidden 128 128"),

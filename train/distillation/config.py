@@ -197,6 +197,13 @@ class DistillationConfig:
     are taken in every control step."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
     """Time before each fall in which the labels are not used, s."""
+    first_difficulty: float = parameter(0.3, limits=(0.0, 1.0))
+    """Difficulty of each scenario at the start of the training, from 0, the mildest level of its disturbance, to 1, the
+    severity that --mixture names. After each segment it rises where most velocity commands were tracked, and falls
+    where few were. 1 and no change: a student that cannot walk yet collects labels of useless states."""
+    max_tilt: float = parameter(0.6, limits=(0.05, 3.2))
+    """Tilt of the trunk at which a training episode ends, rad. A robot that stumbles without a fall would collect
+    labels of states from which also the teacher cannot walk on."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
     """Largest distance of the targets of thigh and calf joints from the home pose, rad."""
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))

@@ -25,7 +25,7 @@ from quad_env.files.writing import exclusive_lock
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.seeding import episode_seeds
-from train.curriculum import with_terrain_seed
+from train.curriculum import at_difficulty, update_difficulties, with_terrain_seed
 from train.distillation.collection import LabelCollector
 from train.distillation.config import DistillationConfig, distillation_command
 from train.distillation.labels import LabelStore
@@ -46,6 +46,11 @@ from train.run_record import decode, to_dict, write_settings, write_validations
 from train.sb3 import checkpoint
 from train.training_robots import MultiScenarioVectorEnv, distribute_robots
 from train.validation import best_validation, describe_validation, validate, validation_record
+
+DIFFICULTY_STEP = 0.25
+"""Smallest change of the difficulty of a scenario after a segment, dimensionless, see `update_difficulties`."""
+MIN_INTERVALS = 4
+"""Smallest number of finished command intervals in a segment for which the difficulty of a scenario changes."""
 
 
 def distil(config: DistillationConfig) -> None:
@@ -99,19 +104,35 @@ def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVector
     """
     counts = distribute_robots(config.mixture, config.envs, robot)
     has_batch_threads = len(counts) >= config.threads
-    batches = [
-        SimpleQuadVectorEnv(
-            count,
-            with_terrain_seed(find_scenario(name, robot), "training", config.seed, robot),
-            1 if has_batch_threads else config.threads,
-            "DISABLED",
-            max_episode_steps=config.max_episode_steps,
-            robot=robot,
-            height_scan=config.height_scan,
-        )
-        for name, count in counts.items()
-    ]
+    batches = [make_batch(config, robot, number, config.first_difficulty) for number in range(len(counts))]
     return MultiScenarioVectorEnv(batches, threads=config.threads if has_batch_threads else 1)
+
+
+def make_batch(config: DistillationConfig, robot: Robot, number: int, difficulty: float) -> SimpleQuadVectorEnv:
+    """Make the vector environment of one scenario of the mixture.
+
+    Args:
+        config: Settings of the distillation.
+        robot: Robot, with the servo gains of the teacher.
+        number: Index of the scenario in the mixture, among the scenarios that have robots.
+        difficulty: Difficulty of the scenario, from 0 to 1, see `at_difficulty`.
+
+    Returns:
+        The vector environment, which does not restart robots with a finished episode automatically.
+    """
+    counts = distribute_robots(config.mixture, config.envs, robot)
+    has_batch_threads = len(counts) >= config.threads
+    name, count = list(counts.items())[number]
+    scenario = at_difficulty(find_scenario(name, robot), difficulty, robot)
+    return SimpleQuadVectorEnv(
+        count,
+        with_terrain_seed(scenario, "training", config.seed, robot),
+        1 if has_batch_threads else config.threads,
+        "DISABLED",
+        max_episode_steps=config.max_episode_steps,
+        robot=robot,
+        height_scan=config.height_scan,
+    )
 
 
 @dataclass
@@ -123,6 +144,8 @@ class DistillationState:
 
     rounds: int = 0
     """Number of finished rounds of collection and learning."""
+    difficulties: list[float] = field(default_factory=list)
+    """Difficulty of each scenario in the next segment, from 0 to 1."""
     seconds: float = 0.0
     """Wall time that the sessions of the run have taken until the checkpoint, validations included, s."""
     cpu_seconds: float = 0.0
@@ -162,7 +185,9 @@ class Distillation:
         self._network = StudentNetwork([features.width, *config.fit.hidden, len(authority)], config.seed)
         self._learner = Learner(self._network, config.fit, self._robot, authority)
         self._labels = LabelStore(config.folder)
-        self._state = DistillationState()
+        self._batch_difficulties = [config.first_difficulty] * len(self._robots.batches)
+        """Difficulty of each scenario, from 0 to 1, with which the present vector environments were made."""
+        self._state = DistillationState(difficulties=list(self._batch_difficulties))
         self._start_time = time.monotonic()
         self._start_cpu_time = time.process_time()
         self._damaged = resumed.damaged if resumed else ()
@@ -198,15 +223,31 @@ class Distillation:
         first = self._state.rounds
         segment = first // config.segment_rounds
         seeds = episode_seeds("training", config.seed, config.envs * (segment + 1))[-config.envs :]
+        self._make_batches()
         self._collector.start_segment([int(seed) for seed in seeds], np.random.default_rng([config.seed, segment]))
         for index in range(first, min((segment + 1) * config.segment_rounds, config.rounds)):
             self._interrupt.check()
             self._run_round(index)
+        self._adjust_difficulties()
         self._labels.save_from(first)
         interval = config.validation.interval
         if interval and self._label_count - self._validated >= interval and self._state.rounds < config.rounds:
             self._validate()
         self._save_checkpoint()
+
+    def _make_batches(self) -> None:
+        """Replace the vector environments of scenarios with a changed difficulty, before new episodes of all robots."""
+        for number, difficulty in enumerate(self._state.difficulties):
+            if difficulty != self._batch_difficulties[number]:
+                self._robots.replace_batch(number, make_batch(self._config, self._robot, number, difficulty))
+        self._batch_difficulties = list(self._state.difficulties)
+
+    def _adjust_difficulties(self) -> None:
+        """Set the difficulty of each scenario in the next segment, from the command intervals of the finished one."""
+        counted, tracked = self._robots.pop_interval_counts()
+        self._state.difficulties = update_difficulties(
+            self._state.difficulties, counted, tracked, DIFFICULTY_STEP, MIN_INTERVALS
+        )
 
     def _run_round(self, index: int) -> None:
         """Collect the labels of the round `index`, learn from all labels so far, and print a line of progress."""

@@ -18,7 +18,15 @@ from train.distillation.run import make_robots
 from train.distillation.student import StudentNetwork, make_policy, make_pose
 from train.distillation.teacher import PrivilegedTeacher
 
-CONFIG = DistillationConfig(teacher="trot", envs=6, round_steps=60, max_episode_steps=40, mixture=(("flat", 1.0),))
+CONFIG = DistillationConfig(
+    teacher="trot",
+    envs=6,
+    round_steps=60,
+    max_episode_steps=40,
+    max_tilt=3.2,
+    first_difficulty=1.0,
+    mixture=(("flat", 1.0),),
+)
 
 
 class Echo(Policy):
@@ -167,6 +175,20 @@ def test_labels_shortly_before_a_fall_are_dropped():
     fell[5, 0] = True
     assert _precedes(fell, 3)[:, 0].tolist() == [False, False, False, True, True, True, False, False]
     assert not _precedes(fell, 3)[:, 1].any()
+
+
+def test_an_episode_ends_when_the_trunk_tilts_too_far():
+    config = replace(CONFIG, max_tilt=0.1, fall_margin=0.02)
+    each, student, authority = make_collector(config)
+    block = each.collect(student, 0.0)
+    steps = np.round((block.corrections * authority)[:, :, 0] / 0.001)
+    upward_gravity = block.inputs[:, :, 2] / observation_table(SIMPLE_QUAD).scale[2]
+    assert (-upward_gravity >= np.cos(0.1) - 1e-6).all()
+    tipped = (steps[1:] == 1) & (steps[:-1] < 40)
+    assert tipped.any()
+    # The two labels before each such end are dropped. The end of the round hides whether its last step is such an end.
+    dropped = tipped[:-1] | tipped[1:]
+    np.testing.assert_array_equal(~block.is_valid[:58], dropped)
 
 
 TERM_INPUTS = Inputs(terms=("angular_velocity", "joint_position", "command"), history=3, clock=2.5)

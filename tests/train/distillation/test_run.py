@@ -12,8 +12,11 @@ from policies.bundle import load
 from policies.history import Inputs
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
+from quad_env.scenarios.registry import scenario
 from train.__main__ import main
 from train.commands import distil
+from train.curriculum import at_difficulty
+from train.distillation import run
 from train.distillation.run import Distillation
 from train.distillation.student import StudentNetwork
 from train.run_folder import BEST, CHECKPOINTS, LAST, VALIDATIONS_FILE
@@ -108,6 +111,49 @@ def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatc
     for name in (BEST, LAST):
         file = f"{name}/policy.safetensors"
         assert (folder / file).read_bytes() == (finished / file).read_bytes()
+
+
+def record_difficulties(patch):
+    """Return a list that gets the difficulty of each vector environment that a run makes; each segment adds 0.25."""
+    made: list[float] = []
+    make = run.make_batch
+    patch.setattr(run, "make_batch", lambda *words: made.append(words[-1]) or make(*words))
+    patch.setattr(run, "update_difficulties", lambda difficulties, *_: [each + 0.25 for each in difficulties])
+    return made
+
+
+def test_a_continued_run_has_the_difficulties_of_its_segment(tmp_path, monkeypatch):
+    made = record_difficulties(monkeypatch)
+    collect = Distillation._run_round
+
+    def stop(each, index):
+        if index == 3:
+            raise KeyboardInterrupt
+        collect(each, index)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Distillation, "_run_round", stop)
+        assert main([*WORDS, "--out", str(tmp_path / "run")]) == 130
+    assert made == [0.3, 0.3, 0.55, 0.55]
+    made.clear()
+    assert main(["--resume", "--out", str(tmp_path / "run")]) == 0
+    assert made == [0.3, 0.3, 0.55, 0.55, 0.8, 0.8]
+
+
+def test_severities_rise_where_commands_are_tracked(tmp_path):
+    config = distil.parse([*WORDS, "--mixture", "push:3", "0.5", "rough:3", "0.5", "--out", str(tmp_path / "run")])
+    with Interrupt() as interrupt:
+        each = Distillation(config, interrupt)
+    first = [batch.scenario.severity for batch in each._robots.batches]
+    each._robots._interval_counts = np.array([[10, 10], [10, 0]])
+    each._adjust_difficulties()
+    each._make_batches()
+    push, rough = (batch.scenario.severity for batch in each._robots.batches)
+    expected = [at_difficulty(scenario(name), share).severity for name, share in (("push:3", 0.8), ("rough:3", 0.05))]
+    assert [push, rough] == pytest.approx(expected)
+    assert push > first[0]
+    assert rough < first[1]
+    assert each._collector._robots is each._robots
 
 
 def test_a_finished_run_cannot_be_continued(finished, capsys):

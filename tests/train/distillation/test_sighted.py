@@ -28,6 +28,7 @@ GRID = HeightScan(ahead=1, behind=2, aside=1, spacing=0.15)
 DELAY_STEPS = 3
 EPISODE_STEPS = 40
 CONFIG = DistillationConfig(
+    max_tilt=3.2,
     teacher="mpc_wbc_sighted",
     sighted=True,
     scan=SCAN,
