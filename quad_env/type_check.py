@@ -1,7 +1,7 @@
 """Check of a value against the type annotations of settings.
 
 A library for this check, typeguard, would be the 13th package that `pip install simple-quad` brings. The 12 others are
-the simulator, Gymnasium, NumPy, SciPy and what these require. A test compares this check with typeguard.
+the simulator, Gymnasium, NumPy, SciPy and their requirements. A test compares this check with typeguard.
 """
 
 from types import UnionType
