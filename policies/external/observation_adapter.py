@@ -15,8 +15,11 @@ from policies.base import Floats, Mask, PolicyError
 from policies.external.foot_contact import FootContactEstimator
 from policies.external.joint_mapping import map_action_joints, map_observed_joints
 from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
+from policies.gait_cycle import FREQUENCY_FILTER_GAIN, TURN, frequency_increase
+from policies.history import History, Inputs
 from policies.legs.level_frame import level_frame
 from policies.memory import PerRobotState, per_robot
+from policies.velocity_error_integral import VelocityErrorIntegral
 from quad_env.columns import EnvIndices
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
@@ -48,6 +51,10 @@ class RobotSignals:
     """Previous action in the form that the policy observes, in the policy's joint order, (m, 12)."""
     foot_contact: NDArray[Any]
     """Estimated foot contact: True for feet on the ground, legs in the robot's order, (m, 4)."""
+    clock_offset: Floats
+    """Phase of the gait clock minus the phase of a clock with constant frequency, (m,), rad."""
+    position_error: Floats | None
+    """Integral of the velocity error since the last change of the command, (m, 3), m and rad; None if not observed."""
 
 
 class ObservationAdapter(PerRobotState):
@@ -77,6 +84,10 @@ class ObservationAdapter(PerRobotState):
     """Values of all observation terms in the policy's last h control steps, oldest first, (n, h, values per step).
 
     h is the number of control steps of the term with the longest history."""
+    _clock_offset: Floats = per_robot(0.0)
+    """Phase of each robot's gait clock minus the phase of a clock with constant frequency, (n,), rad."""
+    _clock_increase: Floats = per_robot(0.0)
+    """Present increase of the frequency of each robot's gait clock, (n,), Hz."""
     _foot_contact: Mask = per_robot(np.zeros(4, np.bool_))
     """Estimated foot contact: True for feet on the ground, legs in the robot's order, (n, 4)."""
 
@@ -94,13 +105,27 @@ class ObservationAdapter(PerRobotState):
         has_contact = any(term.name == "foot_contact" for term in spec.terms)
         self._has_state = has_contact or any(term.frame == "world" for term in spec.terms)
         self._contact_estimator = FootContactEstimator(robot, control_period) if has_contact else None
+        self._clock = next((term for term in spec.terms if term.clock_gain), None)
+        """The term of the gait clock if its frequency depends on the velocity error."""
+        self._pasts = {
+            index: History(Inputs(term.lags, term.averages), term.width, control_period)
+            for index, term in enumerate(spec.terms)
+            if term.lags or term.averages
+        }
+        """Index of an observation term with past values or averages -> its history."""
+        self._past_values = dict[int, NDArray[np.float32]]()
+        """Index of such a term -> its past values and averages of all robots in this control step, (n, width)."""
+        bound = max(term.bound for term in spec.terms)
+        self._position_error = VelocityErrorIntegral(bound, control_period) if bound else None
         super().__init__(action=np.zeros(len(spec.joints)), _history=np.zeros(_history_shape(spec)))
 
     def update_state(self, observation: Floats) -> None:
-        """Update the estimated yaw and foot contact of all robots from the environment's observation, (n, k).
+        """Update all quantities that depend on past observations, from the environment's observation, (n, k).
 
         The method must be called once in each control step of the environment.
         """
+        self._update_velocity_errors(observation)
+        self._update_pasts(observation)
         if not self._has_state:
             return
         gravity = observation[:, self._slices["projected_gravity"]].T
@@ -114,6 +139,33 @@ class ObservationAdapter(PerRobotState):
         if self._contact_estimator is not None:
             self._foot_contact = self._contact_estimator.estimate(observation)
 
+    def _update_velocity_errors(self, observation: Floats) -> None:
+        """Update the position errors and the frequencies of the gait clocks of all robots."""
+        if self._clock is None and self._position_error is None:
+            return
+        command = observation[:, self._slices["command"]]
+        horizontal = observation[:, self._slices["linear_velocity"]][:, :2]
+        yaw_rate = observation[:, self._slices["angular_velocity"]][:, 2:]
+        velocity = np.hstack((horizontal, yaw_rate))
+        if self._position_error is not None:
+            self._position_error.update(command, np.nan_to_num(velocity))
+        if self._clock is not None:
+            error = np.linalg.norm(horizontal - command[:, :2], axis=1)
+            target = frequency_increase(error, self._clock.clock_gain, self._clock.clock_limit)
+            target = np.where(np.isfinite(error), target, self._clock_increase)
+            self._clock_increase = self._clock_increase + FREQUENCY_FILTER_GAIN * (target - self._clock_increase)
+            self._clock_offset = self._clock_offset + TURN * self._period * self._clock_increase
+
+    def _update_pasts(self, observation: Floats) -> None:
+        """Update the past values and averages of the observation terms that have them, for all robots."""
+        if not self._pasts:
+            return
+        signals = self._collect_signals(observation, np.arange(len(observation)))
+        for index, past in self._pasts.items():
+            term = self._spec.terms[index]
+            values = _clip_and_scale(self._compute_term(term, signals), term)
+            self._past_values[index] = past.update(values.astype(np.float32))
+
     def observe(self, observation: Floats, env_ids: EnvIndices) -> NDArray[np.float32]:
         """Return the policy's observations of m robots, and append them to the histories of these robots.
 
@@ -125,8 +177,12 @@ class ObservationAdapter(PerRobotState):
             Observations with the terms and histories of the policy's specification, (m, width).
         """
         signals = self._collect_signals(observation, env_ids)
-        terms = [_clip_and_scale(self._compute_term(term, signals), term) for term in self._spec.terms]
-        current = np.concatenate(terms, axis=1)
+        values = []
+        for index, term in enumerate(self._spec.terms):
+            values.append(_clip_and_scale(self._compute_term(term, signals), term))
+            if index in self._past_values:
+                values.append(self._past_values[index][env_ids])
+        current = np.concatenate(values, axis=1)
         limit = self._spec.observation_clip
         if limit is not None:
             current = np.clip(current, -limit, limit)
@@ -147,6 +203,8 @@ class ObservationAdapter(PerRobotState):
             steps=self._steps[env_ids],
             previous_action=self.action[env_ids],
             foot_contact=self._foot_contact[env_ids],
+            clock_offset=self._clock_offset[env_ids],
+            position_error=None if self._position_error is None else self._position_error.position_error[env_ids],
         )
 
     def _compute_term(self, term: SpecTerm, signals: RobotSignals) -> Floats:
@@ -172,6 +230,9 @@ class ObservationAdapter(PerRobotState):
                 return self._compute_clock(term, signals)
             case "constant":
                 return np.tile(term.values, (len(signals.steps), 1))
+            case "position_error":
+                assert signals.position_error is not None
+                return signals.position_error
             case "height_scan":
                 return self._compute_height_scan(term, readings["height_scan"])
         return _rotate_to_frame(readings[term.name], term.frame, signals)
@@ -181,7 +242,7 @@ class ObservationAdapter(PerRobotState):
 
         Both are zero if the norm of the velocity command is below `term.zero_below`.
         """
-        angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
+        angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps + signals.clock_offset
         clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
         is_moving = np.linalg.norm(signals.readings["command"], axis=1, keepdims=True) >= term.zero_below
         return np.where(is_moving, clock, 0.0)
@@ -232,7 +293,7 @@ def _clip_and_scale(values: Floats, term: SpecTerm) -> Floats:
 
 def _history_shape(spec: PolicySpec) -> tuple[int, int]:
     """Return the number of control steps of the longest history, and the number of values in one step."""
-    return max(term.history for term in spec.terms), sum(term.width for term in spec.terms)
+    return max(term.history for term in spec.terms), sum(term.step_width for term in spec.terms)
 
 
 def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
@@ -248,9 +309,9 @@ def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
     indices = []
     end = 0
     for term in spec.terms:
-        end += term.width
+        end += term.step_width
         observed_steps = slice(term.history) if is_newest_first else slice(-term.history, None)
-        indices.append(steps[observed_steps, end - term.width : end].ravel())
+        indices.append(steps[observed_steps, end - term.step_width : end].ravel())
     return np.concatenate(indices)
 
 

@@ -7,7 +7,7 @@ Names, order and signs of the joints are as in the policy's own files. The modul
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -33,6 +33,7 @@ TERM_WIDTHS: dict[str, int | None] = {
     "height_scan": None,  # heights of the trunk above the ground at the points of the term's grid, m
     "gait_clock": 2,  # sine and cosine of a clock phase that is 0 at the start of the episode
     "constant": None,  # the constant numbers in the term's setting `values`
+    "position_error": 3,  # integral of commanded minus actual velocity since the last change of the command, m and rad
 }
 """Name of an observation term -> number of its values in one control step.
 
@@ -74,6 +75,11 @@ PLAUSIBLE_RANGES = {
     "y": (-100.0, 100.0, "m"),
     "offset": (-100.0, 100.0, "m"),
     "values": (-1e12, 1e12, ""),
+    "lags": (0.0, 10.0, "s"),
+    "averages": (0.0, 10.0, "s"),
+    "bound": (0.0, 100.0, "m"),
+    "clock_gain": (0.0, 100.0, "Hz per m/s"),
+    "clock_limit": (0.0, 100.0, "Hz"),
     "clip": (-1e12, 1e12, ""),
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
@@ -82,8 +88,12 @@ PLAUSIBLE_RANGES = {
 
 A number outside the range is rejected as an error in the file, because no robot has a number of this size.
 """
-_TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
-"""Name of a setting of `SpecTerm` -> name of the only observation term that has this setting."""
+_TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant", "bound": "position_error"}
+"""Name of a setting of `SpecTerm` -> name of the only observation term that has this setting, and that requires it."""
+_CLOCK_SETTINGS = ("zero_below", "clock_gain", "clock_limit")
+"""Names of the settings of `SpecTerm` that only the term `gait_clock` may have."""
+_NEW_SETTINGS = ("lags", "averages", "bound", "clock_gain", "clock_limit")
+"""Names of the settings of `SpecTerm` that are in a digest only if they differ from their defaults."""
 
 
 class _CheckedSpec:
@@ -163,6 +173,21 @@ class SpecTerm(_CheckedSpec):
 
     0: the clock always runs.
     """
+    clock_gain: NonNegative = field(default=0.0, repr=False)
+    """Increase of the clock's frequency per horizontal velocity error in excess of 0.4 m/s, Hz per m/s."""
+    clock_limit: NonNegative = field(default=0.0, repr=False)
+    """Largest increase of the clock's frequency, Hz."""
+    bound: NonNegative = field(default=0.0, repr=False)
+    """Bound of the values of the term `position_error`, m and rad; 0 for other terms."""
+    lags: tuple[Positive, ...] = field(default=(), repr=False)
+    """Ages of past values of the term that follow its present value, s.
+
+    They are rounded to control steps of the environment, at least one. The first value after a reset also stands for
+    all values before the reset."""
+    averages: tuple[Positive, ...] = field(default=(), repr=False)
+    """Time constants of exponential averages of the term that follow its past values, s.
+
+    The averages are updated in every control step of the environment. They start with the first value."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -173,8 +198,11 @@ class SpecTerm(_CheckedSpec):
         for setting, owner in _TERM_OF_SETTING.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner}, not to {self.name}")
-        if self.zero_below and self.name != "gait_clock":
-            raise PolicyError(f"`zero_below` belongs to the term gait_clock, not to {self.name}")
+        for setting in _CLOCK_SETTINGS:
+            if getattr(self, setting) and self.name != "gait_clock":
+                raise PolicyError(f"`{setting}` belongs to the term gait_clock, not to {self.name}")
+        if self.history > 1 and (self.lags or self.averages):
+            raise PolicyError(f"`history` must be 1 with `lags` or `averages`, not {self.history}")
         if len(self.scale) not in (1, self.width):
             raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
         _check_ranges("clip", self.clip)
@@ -187,6 +215,16 @@ class SpecTerm(_CheckedSpec):
         if width is not None:
             return width
         return len(self.grid.x) * len(self.grid.y) if self.grid is not None else len(self.values)
+
+    @property
+    def step_width(self) -> int:
+        """Number of values of the term in one control step, with its lags and averages."""
+        return self.width * (1 + len(self.lags) + len(self.averages))
+
+    @property
+    def new_settings(self) -> dict[str, Any]:
+        """Settings in `_NEW_SETTINGS` that differ from their defaults: name -> value."""
+        return {name: value for name in _NEW_SETTINGS if (value := getattr(self, name))}
 
 
 @dataclass(frozen=True)
@@ -297,7 +335,7 @@ class PolicySpec(_CheckedSpec):
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERM_WIDTHS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
-        size = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
+        size = max(term.history for term in self.terms) * sum(term.step_width for term in self.terms)
         if size > MAX_OBSERVATION:
             raise PolicyError(
                 f"`terms` show {size} numbers with their history: an observation has at most {MAX_OBSERVATION}"
@@ -306,7 +344,7 @@ class PolicySpec(_CheckedSpec):
     @property
     def width(self) -> int:
         """Number of values of the policy's observation, including the histories of all terms."""
-        return sum(term.width * term.history for term in self.terms)
+        return sum(term.step_width * term.history for term in self.terms)
 
     @property
     def digest_text(self) -> str:
@@ -319,6 +357,9 @@ class PolicySpec(_CheckedSpec):
         thresholds = [term.zero_below for term in self.terms]
         if any(thresholds):
             newer["zero_below"] = thresholds
+        new_settings = [term.new_settings for term in self.terms]
+        if any(new_settings):
+            newer["terms"] = new_settings
         older = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
         text = repr(older | {"network": ""}) + (repr(newer) if newer else "")
         # Earlier digests contain the former name of the class, so that the text must contain it as well.

@@ -24,6 +24,8 @@ NUM_STEPS = 200
 """Number of control steps in which a written policy is compared with the exported one."""
 NUM_ROBOTS = 2
 """Number of robots of this comparison."""
+NUM_COMMAND_STEPS = 50
+"""Number of control steps of this comparison for which a velocity command is kept."""
 TOLERANCE = 5e-5
 """Maximum difference between the joint targets of an export and of its bundle, as a fraction of the action scale.
 
@@ -59,7 +61,7 @@ def export(policy: ResidualPolicy, source: str, format_name: str, folder: Path) 
         Difference from the bundle, and whether there is a stand-alone program.
     """
     export_format = FORMATS[format_name]
-    network = plain_network(policy, source)
+    network = plain_network(policy, source, export_format.describes_all)
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
     try:
@@ -137,8 +139,12 @@ def largest_difference(policy: Policy, copy: Policy) -> float:
     random = np.random.default_rng(0)
     difference = 0.0
     previous = np.zeros((NUM_ROBOTS, robot.num_joints), np.float32)
-    for _ in range(NUM_STEPS):
+    command = _observe(random, table)[:, table.slices["command"]]
+    for step in range(NUM_STEPS):
         observation = _observe(random, table)
+        if step % NUM_COMMAND_STEPS:
+            observation[:, table.slices["command"]] = command
+        command = observation[:, table.slices["command"]]
         observation[:, table.slices["previous_action"]] = previous
         action = policy.act(observation)
         difference = max(difference, float(np.abs(copy.act(observation) - action).max()))

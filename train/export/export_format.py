@@ -31,6 +31,8 @@ class ExportFormat:
     usage: str
     """Command that runs the export in its project, one line."""
     write: Callable[[PlainNetwork, Path], PlainNetwork]
+    describes_all: bool = False
+    """True if the format has past values at any age, averages, position errors and clocks of variable frequency."""
 
 
 def check_terms(network: PlainNetwork, names: Mapping[str, str], format_name: str) -> None:

@@ -34,8 +34,8 @@ MIN_CLOCK_THRESHOLD = 1e-6
 """Norm of the velocity command below which a clock that is hidden at rest is (0, 0).
 
 A bundle hides its clock at a command of exactly zero."""
-CLOCK = "gait_clock"
-"""Name of the observation term with sine and cosine of the clock."""
+_OTHER_FEATURES = {"gait_clock": "clock", "position_error": "position error"}
+"""Name of a term that is no term of the environment's observation -> kind of the features that show it."""
 _JOINT_TERMS = ("joint_position", "joint_velocity")
 """Names of the observation terms with one value per joint, measured by sensors."""
 
@@ -59,17 +59,21 @@ class PlainNetwork:
     """Lower limit of each output, (12,)."""
     max_action: Floats
     """Upper limit of each output, (12,)."""
+    control_period: float
+    """Control period of the environment, s."""
+    hold: int
+    """Number of control steps of the environment for which the policy holds an action."""
 
     @property
     def rows(self) -> dict[str, slice]:
         """Name of each observation term -> rows of the first weight matrix that it has."""
-        ends = np.cumsum([term.width * term.history for term in self.spec.terms]).tolist()
+        ends = np.cumsum([term.step_width * term.history for term in self.spec.terms]).tolist()
         starts = [0, *ends[:-1]]
         names = [term.name for term in self.spec.terms]
         return {name: slice(*ends) for name, *ends in zip(names, starts, ends, strict=True)}
 
 
-def plain_network(policy: ResidualPolicy, source: str) -> PlainNetwork:
+def plain_network(policy: ResidualPolicy, source: str, describes_all: bool = False) -> PlainNetwork:
     """Convert a trained policy to a plain network.
 
     PolicyError is raised if the policy computes something that is no network of observation terms; the message names
@@ -78,15 +82,17 @@ def plain_network(policy: ResidualPolicy, source: str) -> PlainNetwork:
     Args:
         policy: Trained policy.
         source: Path or name of the policy, for error messages.
+        describes_all: True if the specification may have past values at any age, averages, position errors and a clock
+            with a variable frequency; otherwise it has only histories of control steps and a constant clock.
 
     Returns:
         The plain network. Terms that the network ignores, with weights of zero, are left out.
     """
     _check_base(policy, source)
-    _check_inputs(policy, source)
+    _check_inputs(policy, source, describes_all)
     robot = policy.robot
     joints = map_joints(robot.joint_names, robot)
-    terms, columns = _lay_out(policy, joints)
+    terms, columns = _lay_out(policy, joints, describes_all)
     weights = [each.astype(np.float64) for each in policy.network.weights]
     weights[0] = columns @ weights[0]
     biases = [each.astype(np.float64) for each in policy.network.biases]
@@ -96,7 +102,9 @@ def plain_network(policy: ResidualPolicy, source: str) -> PlainNetwork:
     biases[-1] = biases[-1] * joints.signs + shift
     limits = _output_limits(policy, joints, shift)
     spec = _describe(policy, joints, terms)
-    return _without_ignored_terms(PlainNetwork(robot, spec, tuple(weights), tuple(biases), *limits))
+    return _without_ignored_terms(
+        PlainNetwork(robot, spec, tuple(weights), tuple(biases), *limits, policy.control_period, policy.hold)
+    )
 
 
 def _check_base(policy: ResidualPolicy, source: str) -> None:
@@ -110,24 +118,29 @@ def _check_base(policy: ResidualPolicy, source: str) -> None:
         raise PolicyError(f"{source}: authority: a joint has none, got {policy.authority.tolist()}; valid: above 0 rad")
 
 
-def _check_inputs(policy: ResidualPolicy, source: str) -> None:
-    """Raise PolicyError for the first network input that is no observation term with a history of control steps."""
+def _check_inputs(policy: ResidualPolicy, source: str, describes_all: bool) -> None:
+    """Raise PolicyError for the first network input that a format cannot describe.
+
+    A format that does not describe all inputs has observation terms with a history of control steps, and a clock.
+    """
+    if policy.height_scan is not None:
+        raise PolicyError(f"{source}: height scan: no deployment file can say how a policy observes it; valid: none")
+    if describes_all:
+        return
     inputs = policy.features.inputs
     unsupported = {
         "averages": inputs.averages,
         "position_error": inputs.position_error,
         "clock_gain": inputs.clock_gain if inputs.clock else 0.0,
-        "height_scan": policy.height_scan,
     }
     for name, value in unsupported.items():
         if value:
-            raise PolicyError(f"{source}: inputs.{name}: no deployment file can say it, got {value}; valid: none")
+            raise PolicyError(f"{source}: inputs.{name}: only --to toml can say it, got {value}; valid: none")
     period = policy.hold * policy.control_period
     for lag in inputs.lags:
         if _lag_steps(policy, lag) % policy.hold:
-            raise PolicyError(
-                f"{source}: inputs.lags: must be multiples of the policy's period {period:g} s, got {lag:g}"
-            )
+            fault = f"only --to toml can say other ages than multiples of the policy's period {period:g} s, got {lag:g}"
+            raise PolicyError(f"{source}: inputs.lags: {fault}")
 
 
 def _lag_steps(policy: ResidualPolicy, lag: float) -> int:
@@ -154,37 +167,49 @@ def _output_limits(policy: ResidualPolicy, joints: JointMapping, shift: Floats) 
     return np.clip(ends[0], shift - 1.0, shift + 1.0), np.clip(ends[1], shift - 1.0, shift + 1.0)
 
 
-def _lay_out(policy: ResidualPolicy, joints: JointMapping) -> tuple[tuple[SpecTerm, ...], Floats]:
+def _lay_out(policy: ResidualPolicy, joints: JointMapping, describes_all: bool) -> tuple[tuple[SpecTerm, ...], Floats]:
     """Return the observation terms, and the matrix that maps them to the features of the bundle.
 
     The first layer of the plain network is matrix @ first layer of the bundle; the matrix is (plain inputs, features).
     """
     terms = []
     rows = []
-    for term, factors in _plain_terms(policy, joints):
-        shown = _shown_columns(policy, term.name)
-        history = max(shown) + 1
-        matrix = np.zeros((history, term.width, policy.features.width))
-        for age, columns in shown.items():
-            matrix[history - 1 - age][:, columns] = factors
-        terms.append(replace(term, history=history))
+    for plain_term, factors in _plain_terms(policy, joints):
+        term, shown = _shown_columns(policy, plain_term, describes_all)
+        matrix = np.zeros((len(shown), term.width, policy.features.width))
+        for values, columns in zip(matrix, shown, strict=True):
+            if columns is not None:
+                values[:, columns] = factors
+        terms.append(term)
         rows.append(matrix.reshape(-1, policy.features.width))
     return tuple(terms), np.concatenate(rows)
 
 
-def _shown_columns(policy: ResidualPolicy, name: str) -> dict[int, NDArray[np.intp]]:
-    """Return the features that show an observation term: age in steps of the policy -> columns of the features."""
+def _shown_columns(
+    policy: ResidualPolicy, term: SpecTerm, describes_all: bool
+) -> tuple[SpecTerm, list[NDArray[np.intp] | None]]:
+    """Return an observation term with its past values, and the features that show each value of it.
+
+    The list has the columns of the features for each value, in the order of the plain inputs; None for a value that no
+    feature shows.
+    """
     features = policy.features
-    if name == CLOCK:
-        columns = features.columns["clock"]
-        return {0: np.arange(columns.start, columns.stop)}
+    if term.name in _OTHER_FEATURES:
+        return term, [_columns(features.columns[_OTHER_FEATURES[term.name]])]
     table = observation_table(policy.robot)
-    part = table.slices[name]
-    columns_by_age = {0: np.arange(part.start, part.stop)}
-    for number, lag in enumerate(features.inputs.lags):
-        start = features.columns["history"].start + number * table.size
-        columns_by_age[_lag_steps(policy, lag) // policy.hold] = start + columns_by_age[0]
-    return columns_by_age
+    present = _columns(table.slices[term.name])
+    past = [features.columns["history"].start + table.size * each + present for each in range(features.inputs.frames)]
+    if describes_all:
+        return replace(term, lags=features.inputs.lags, averages=features.inputs.averages), [present, *past]
+    ages = [0, *(_lag_steps(policy, lag) // policy.hold for lag in features.inputs.lags)]
+    columns_by_age = dict(zip(ages, [present, *past], strict=True))
+    history = max(ages) + 1
+    return replace(term, history=history), [columns_by_age.get(age) for age in range(history - 1, -1, -1)]
+
+
+def _columns(part: slice) -> NDArray[np.intp]:
+    """Return the columns of a slice."""
+    return np.arange(part.start, part.stop)
 
 
 def _plain_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple[SpecTerm, Floats]]:
@@ -193,6 +218,8 @@ def _plain_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple
     inputs = policy.features.inputs
     if inputs.clock:
         yield _clock_term(inputs), _clock_rotation(policy)
+    if inputs.position_error:
+        yield SpecTerm("position_error", bound=inputs.position_error), np.eye(3)
 
 
 def _observation_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple[SpecTerm, Floats]]:
@@ -215,7 +242,10 @@ def _short(scale: Floats) -> tuple[float, ...]:
 
 def _clock_term(inputs: Inputs) -> SpecTerm:
     threshold = MIN_CLOCK_THRESHOLD if inputs.clock_at_rest == "hidden" else 0.0
-    return SpecTerm(CLOCK, clock=inputs.clock, zero_below=threshold)
+    limit = inputs.clock_limit if inputs.clock_gain else 0.0
+    return SpecTerm(
+        "gait_clock", clock=inputs.clock, zero_below=threshold, clock_gain=inputs.clock_gain, clock_limit=limit
+    )
 
 
 def _clock_rotation(policy: ResidualPolicy) -> Floats:
@@ -267,7 +297,8 @@ def with_folded_scales(network: PlainNetwork, *names: str) -> PlainNetwork:
     terms = []
     for term in network.spec.terms:
         if term.name in names:
-            factors = np.tile(np.broadcast_to(term.scale, term.width), term.history)
+            repetitions = term.history * term.step_width // term.width
+            factors = np.tile(np.broadcast_to(term.scale, term.width), repetitions)
             first[network.rows[term.name]] *= factors[:, None]
         terms.append(replace(term, scale=(1.0,)) if term.name in names else term)
     return replace(network, spec=replace(network.spec, terms=tuple(terms)), weights=(first, *network.weights[1:]))

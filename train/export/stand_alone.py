@@ -5,10 +5,8 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from policies.external.joint_mapping import map_joints
-from policies.external.spec import PolicySpec
+from policies.external.spec import SpecTerm
 from quad_env.config import FallRule
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
@@ -86,7 +84,7 @@ def _settings(network: PlainNetwork, onnx: str) -> dict[str, Any]:
     joints = map_joints(spec.joints, robot)
     names = [robot.joint_names[index] for index in joints.joint_ids]
     commands = scaled(Scenario("default"), robot).commands
-    clock = next((term for term in spec.terms if term.name == "gait_clock"), None)
+    clock = next((term for term in spec.terms if term.name == "gait_clock"), spec.terms[0])
     return {
         "scene": SCENE,
         "network": onnx,
@@ -95,18 +93,26 @@ def _settings(network: PlainNetwork, onnx: str) -> dict[str, Any]:
         "zeros": joints.zeros.tolist(),
         "default": list(spec.default_position),
         "action_scale": list(spec.action_scale),
-        "rate": spec.control_rate,
-        "clock": clock.clock if clock else 0.0,
-        "clock_threshold": clock.zero_below if clock else 0.0,
-        "terms": _terms(spec),
+        "period": network.control_period,
+        "hold": network.hold,
+        "clock": clock.clock,
+        "clock_threshold": clock.zero_below,
+        "clock_gain": clock.clock_gain,
+        "clock_limit": clock.clock_limit,
+        "position_bound": max(term.bound for term in spec.terms),
+        "terms": {term.name: _term(term, network) for term in spec.terms},
         "min_height": FallRule().min_trunk_height(robot.leg_length),
         "command": [round(SPEED_SHARE * commands.forward[1], 2), 0.0, 0.0],
     }
 
 
-def _terms(spec: PolicySpec) -> dict[str, tuple[Any, int]]:
-    """Return the name of each observation term -> its scale and the number of its control steps."""
-    return {
-        term.name: (np.array(term.scale).tolist() if len(term.scale) > 1 else term.scale[0], term.history)
-        for term in spec.terms
-    }
+def _term(term: SpecTerm, network: PlainNetwork) -> tuple[Any, list[int], list[float]]:
+    """Return scale, ages and averages of an observation term.
+
+    The ages belong to the present and past values in the order of the inputs, in control steps of the environment.
+    The averages are time constants, s.
+    """
+    scale = list(term.scale) if len(term.scale) > 1 else term.scale[0]
+    ages = [network.hold * age for age in range(term.history - 1, -1, -1)]
+    lags = [max(round(lag / network.control_period), 1) for lag in term.lags]
+    return scale, [*ages, *lags], list(term.averages)

@@ -31,5 +31,6 @@ FORMAT = ExportFormat(
     onnx="policy.onnx",
     usage="python -m quad_env doctor --policy policy.toml",
     write=write,
+    describes_all=True,
 )
 """Format of this project."""

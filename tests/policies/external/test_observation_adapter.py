@@ -114,6 +114,58 @@ def test_a_clock_that_is_zero_at_small_commands_goes_on_meanwhile(
         SpecTerm("command", zero_below=0.1)
 
 
+def test_a_term_has_its_past_values_and_averages_after_its_present_value() -> None:
+    term = SpecTerm("command", (2.0, 1.0, 1.0), clip=(-1.0, 3.0), lags=(0.01, 0.03), averages=(0.1,))
+    of = make_adapter(term, control_rate=50.0)
+    rows = [standing(command=(forward, 0.0, -2.0)) for forward in (1.0, 2.0, 3.0, 4.0)]
+    shown = observe_rows(of, *rows)
+    average = 2.0
+    for value in (4.0, 6.0, 6.0):
+        average += -np.expm1(-0.1) * (value - average)
+    expected = [6.0, 0.0, -1.0, 6.0, 0.0, -1.0, 2.0, 0.0, -1.0, average, 0.0, -1.0]
+    np.testing.assert_allclose(shown, expected, rtol=1e-6)
+
+
+def test_a_position_error_is_the_integral_since_the_last_command() -> None:
+    of = make_adapter(SpecTerm("position_error", bound=0.03))
+    slow = standing(command=(1.0, 0.0, 0.5), linear_velocity=(0.5, 0.1, 0.0), angular_velocity=(9.0, 9.0, 0.5))
+    other = standing(command=(0.9, 0.0, 0.5))
+    np.testing.assert_allclose(observe_rows(of, *[slow] * 3), [0.01, -0.002, 0.0], atol=1e-7)
+    np.testing.assert_allclose(observe_rows(of, *[slow] * 9), [0.03, -0.011, 0.0], atol=1e-7)
+    np.testing.assert_allclose(observe_rows(of, other), [0.0, 0.0, 0.0], atol=1e-7)
+
+
+def test_a_clock_is_faster_while_the_velocity_error_is_large() -> None:
+    of = make_adapter(SpecTerm("gait_clock", clock=2.0, clock_gain=1.0, clock_limit=0.5), control_rate=100.0)
+    shown = observe_rows(of, standing(command=(3.0, 0.0, 0.0)), standing(command=(3.0, 0.0, 0.0)))
+    increase = np.array([0.3 * 0.5, 0.3 * 0.5 + 0.7 * 0.3 * 0.5])
+    phase = 2.0 * np.pi * PERIOD * (2.0 + increase.sum())
+    np.testing.assert_allclose(shown, [np.sin(phase), np.cos(phase)], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"name": "command", "clock_gain": 1.0}, "`clock_gain` belongs to the term gait_clock, not to command"),
+        ({"name": "command", "bound": 1.0}, "`bound` belongs to the term position_error, not to command"),
+        ({"name": "position_error"}, "`bound` belongs to the term position_error, not to position_error"),
+        ({"name": "command", "lags": (0.1,), "history": 2}, "`history` must be 1 with `lags` or `averages`, not 2"),
+        ({"name": "command", "averages": (11.0,)}, "`averages` is beyond any robot's: got 11; valid: 0 to 10 s"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, dict) else None,
+)
+def test_wrong_settings_of_past_values_are_named(settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(PolicyError, match=words):
+        SpecTerm(**settings)
+
+
+def test_past_values_are_in_the_digest_of_a_policy_that_has_them_alone() -> None:
+    old = make_spec(NETWORK, (SpecTerm("command"),)).digest_text
+    assert not any(name in old for name in ("lags", "averages", "bound", "clock_gain"))
+    new = [make_spec(NETWORK, (SpecTerm("command", lags=(age,)),)).digest_text for age in (0.1, 0.2)]
+    assert len({old, *new}) == 3
+
+
 def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of_their_own() -> None:
     """The second robot acts twice, then all three act: the clocks are at 1, 3 and 1 steps of 0.04 cycles."""
     of = make_adapter(SpecTerm("gait_clock", clock=2.0, history=2), SpecTerm("previous_action", history=2))

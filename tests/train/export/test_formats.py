@@ -1,5 +1,6 @@
 """Deployment files: each format describes the policy that was exported, and names what it cannot describe."""
 
+import runpy
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,7 @@ from policies.trot.open_loop import Trot
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
 from tests.train.export.plain_policies import ExactNetwork, make_policy
 from train.export.export import FORMATS, export, largest_difference, read_back
 
@@ -85,6 +87,70 @@ def test_a_clock_hidden_at_rest_is_in_the_toml(tmp_path: Path) -> None:
     np.testing.assert_allclose(copy.act(rest), policy.act(rest), atol=TOLERANCE)
 
 
+ALL_INPUTS = Inputs((0.01, 0.02, 0.04), (0.3, 1.5), clock=2.2, clock_gain=0.6, clock_limit=2.0, position_error=0.5)
+
+
+@pytest.mark.parametrize("hold", [1, 2])
+def test_the_toml_has_lags_averages_position_errors_and_a_faster_clock(hold: int, tmp_path: Path) -> None:
+    policy = make_policy(get_robot("go2"), ALL_INPUTS, hold=hold)
+    assert difference(policy, "toml", tmp_path / "out") < TOLERANCE
+
+
+def test_a_robot_that_is_reset_alone_has_a_past_of_its_own(tmp_path: Path) -> None:
+    policy = make_policy(SIMPLE_QUAD, ALL_INPUTS)
+    export(policy, "mine", "toml", tmp_path / "out")
+    copy = read_back(policy, tmp_path / "out/policy.toml")
+    random = np.random.default_rng(0)
+    table = observation_table(SIMPLE_QUAD)
+    observation = np.zeros((3, table.size), np.float32)
+    previous = np.zeros((3, 12), np.float32)
+    for each in (policy, copy):
+        each.reset(3, 0)
+    for step in range(60):
+        observation[:] = random.standard_normal(observation.shape) / (2.0 * table.scale)
+        observation[:, table.slices["command"]] = (0.3, -0.2, 0.1)
+        observation[:, table.slices["previous_action"]] = previous
+        action = policy.act(observation)
+        np.testing.assert_allclose(copy.act(observation), action, atol=TOLERANCE)
+        previous = action - SIMPLE_QUAD.home_pose.astype(np.float32)
+        if step in (17, 40):
+            mask = np.arange(3) == step % 3
+            policy.reset_where(mask)
+            copy.reset_where(mask)
+            previous[mask] = 0.0
+
+
+@pytest.mark.parametrize("inputs", [ALL_INPUTS, Inputs(clock=2.2, lags=(0.02, 0.06))], ids=["toml", "history"])
+def test_the_program_of_an_export_observes_as_the_readers_do(inputs: Inputs, tmp_path: Path) -> None:
+    policy = make_policy(get_robot("go2"), inputs, crouches=False)
+    to = "toml" if inputs.averages else "isaac-lab"
+    export(policy, "mine", to, tmp_path / "out")
+    copy = read_back(policy, tmp_path / "out" / FORMATS[to].settings)
+    copy.reset(1, 0)
+    program = runpy.run_path(str(tmp_path / "out/run.py"))
+    model = program["MODEL"]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    command = np.array([0.6, 0.1, -0.4])
+    observer = program["Observer"](command)
+    previous = np.zeros(12)
+    for step in range(30):
+        mujoco.mj_forward(model, data)
+        axes = data.xmat[program["TRUNK"]].reshape(3, 3)
+        joints = data.qpos[7:] - policy.robot.home_pose
+        motion = (-axes[2], data.qvel[3:6], data.qvel[:3] @ axes, joints, data.qvel[6:], previous, command)
+        action = copy.act(np.concatenate(motion)[None].astype(np.float32))[0]
+        seen = observer.observe(data)
+        if step % policy.hold == 0:
+            observer.action = program["SESSION"].run(None, {"obs": seen})[0][0].astype(float)
+        data.ctrl[:] = action
+        signs = program["SIGNS"]
+        targets = program["ZEROS"] + signs * (program["DEFAULT"] + program["SCALE"] * observer.action)
+        np.testing.assert_allclose(targets, action, atol=1e-5)
+        previous = action - policy.robot.home_pose
+        mujoco.mj_step(model, data, 5)
+
+
 @pytest.mark.parametrize("to", sorted({*FORMATS} - {"unitree"}))
 def test_the_shipped_policy_without_a_clock_weight_is_exported(to: str, tmp_path: Path, repository: Path) -> None:
     policy = bundle.load(repository / "models/end_to_end")
@@ -121,10 +187,10 @@ REFUSALS = {
     "mjlab rate": ("mjlab", NO_HISTORY, {"hold": 1}, "control rate: .* got 100 Hz; valid: 50 Hz"),
     "rl_sar clock": ("rl-sar", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
     "rl_sar history": ("rl-sar", Inputs(lags=(0.02,)), {}, "starts with the first observation: .* got 2 steps"),
-    "averages": ("toml", Inputs(averages=(0.3,)), {}, r"mine: inputs.averages: .* got \(0.3,\); valid: none"),
-    "position error": ("toml", Inputs(position_error=0.5), {}, "mine: inputs.position_error: .* got 0.5; valid"),
-    "clock gain": ("toml", Inputs(clock=2.0, clock_gain=0.6), {}, "mine: inputs.clock_gain: .* got 0.6; valid"),
-    "lag between actions": ("toml", Inputs(lags=(0.01,)), {}, "inputs.lags: .* period 0.02 s, got 0.01"),
+    "averages": ("mjlab", Inputs(averages=(0.3,)), {}, r"inputs.averages: only --to toml can say it, got \(0.3,\)"),
+    "position error": ("rl-sar", Inputs(position_error=0.5), {}, "inputs.position_error: only --to toml .* got 0.5"),
+    "clock gain": ("isaac-lab", Inputs(clock=2.0, clock_gain=0.6), {}, "inputs.clock_gain: only --to toml .* got 0.6"),
+    "lag between actions": ("isaac-lab", Inputs(lags=(0.01,)), {}, "inputs.lags: only --to toml .* 0.02 s, got 0.01"),
 }
 
 
