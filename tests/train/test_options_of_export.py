@@ -106,4 +106,4 @@ def test_the_program_of_an_export_walks_without_this_project(tmp_path: Path) -> 
     assert words == "3.0 s, upright\n"
     text = program.read_text(encoding="utf-8")
     imported = {line.split()[1].split(".")[0] for line in text.splitlines() if line.startswith(("import ", "from "))}
-    assert imported == {"argparse", "time", "pathlib", "mujoco", "numpy", "onnxruntime"}
+    assert imported == {"argparse", "time", "collections", "pathlib", "mujoco", "numpy", "onnxruntime"}

@@ -23,6 +23,7 @@ from policies.base import Floats, PolicyError
 from policies.external.joint_mapping import JointMapping, map_joints
 from policies.external.spec import PolicySpec, SpecTerm
 from policies.history import Inputs
+from policies.input_terms import GAIT_PHASE, TermInputs
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from quad_env.robots.robot import Robot
@@ -194,6 +195,8 @@ def _shown_columns(
     feature shows.
     """
     features = policy.features
+    if features.terms is not None:
+        return _stacked_columns(features.terms, term)
     if term.name in _OTHER_FEATURES:
         return term, [_columns(features.columns[_OTHER_FEATURES[term.name]])]
     table = observation_table(policy.robot)
@@ -205,6 +208,14 @@ def _shown_columns(
     columns_by_age = dict(zip(ages, [present, *past], strict=True))
     history = max(ages) + 1
     return replace(term, history=history), [columns_by_age.get(age) for age in range(history - 1, -1, -1)]
+
+
+def _stacked_columns(inputs: TermInputs, term: SpecTerm) -> tuple[SpecTerm, list[NDArray[np.intp] | None]]:
+    """Return an observation term with its history, and the features of each value of it, as `_shown_columns` does."""
+    name = GAIT_PHASE if term.name == "gait_clock" else term.name
+    layout = next(each for each in inputs.layout if each.name == name)
+    columns = np.arange(*layout.columns).reshape(layout.history, layout.width)
+    return replace(term, history=layout.history), list(columns)
 
 
 def _columns(part: slice) -> NDArray[np.intp]:
@@ -225,7 +236,8 @@ def _plain_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple
 def _observation_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator[tuple[SpecTerm, Floats]]:
     """Yield each term of the observation, with the diagonal matrix that gives the features of the bundle."""
     table = observation_table(policy.robot)
-    for name, part in table.slices.items():
+    for name in policy.features.inputs.terms or table.slices:
+        part = table.slices[name]
         scale = table.scale[part].astype(np.float64)
         factors = joints.signs if name in _JOINT_TERMS else np.ones(len(scale))
         if name == "previous_action":

@@ -53,7 +53,7 @@ def make_policy(
         gains: Servo gains; None for the robot's own.
     """
     base = (Crouch if crouches else Stand)(robot=robot if gains is None else robot.with_servo(*gains))
-    features = Features(base, inputs)
+    features = Features(base, inputs, hold)
     random = np.random.default_rng(0)
     sizes = (features.width, SIZE, SIZE, 12)
     weights = [random.standard_normal(shape).astype(np.float32) for shape in pairwise(sizes)]

@@ -12,6 +12,7 @@ from policies import bundle
 from policies.base import PolicyError
 from policies.external.joint_mapping import map_joints
 from policies.history import Inputs
+from policies.input_terms import DEPLOYABLE_TERMS
 from policies.residual import NO_HISTORY, ResidualPolicy
 from policies.trot.open_loop import Trot
 from quad_env.robots.registry import get_robot
@@ -61,6 +62,20 @@ def test_the_policy_read_back_has_the_same_targets(to: str, robot: str, tmp_path
 def test_a_clock_and_a_history_are_read_back(to: str, hold: int, tmp_path: Path) -> None:
     inputs = Inputs(clock=2.2, lags=(0.02, 0.06))
     policy = make_policy(get_robot("go2"), inputs, ignored=("linear_velocity",), hold=hold, crouches=False)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+
+
+@pytest.mark.parametrize("history", [1, 5])
+@pytest.mark.parametrize("to", CLOCKS)
+def test_a_policy_with_the_terms_of_a_robot_is_read_back(to: str, history: int, tmp_path: Path) -> None:
+    inputs = Inputs(clock=2.2, terms=DEPLOYABLE_TERMS, history=history)
+    policy = make_policy(get_robot("go2"), inputs, crouches=False)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+
+
+@pytest.mark.parametrize(("to", "history"), [("mjlab", 5), ("rl-sar", 1)])
+def test_a_policy_with_the_terms_of_a_robot_and_no_clock_is_read_back(to: str, history: int, tmp_path: Path) -> None:
+    policy = make_policy(get_robot("go2"), Inputs(terms=DEPLOYABLE_TERMS, history=history))
     assert difference(policy, to, tmp_path / "out") < TOLERANCE
 
 
