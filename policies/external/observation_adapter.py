@@ -114,7 +114,7 @@ class ObservationAdapter(PerRobotState):
         }
         """Index of an observation term with past values or averages -> its history."""
         self._past_values = dict[int, NDArray[np.float32]]()
-        """Index of a term in `_pasts` -> its past values and averages of all robots in this control step, (n, width)."""
+        """Index of a term in `_pasts` -> past values and averages of all robots in this control step, (n, width)."""
         bound = max(term.bound for term in spec.terms)
         self._position_error = VelocityErrorIntegral(bound, control_period) if bound else None
         super().__init__(action=np.zeros(len(spec.joints)), _history=np.zeros(_history_shape(spec)))
