@@ -77,8 +77,9 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Return the import names of the optional extras: films as .mp4, other simulators."""
-    return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake", "mujoco_warp", "warp"}
+    """Return the import names of the optional extras: films as .mp4, clusters, other simulators."""
+    extras = {name.replace("-", "_") for extra in ("video", "cluster") for name in requirements(repository, extra)}
+    return extras | {"pydrake", "mujoco_warp", "warp"}
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import find_actuator
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.ray_option import RayOption
 from quad_env.config import PhysicsOptions, RewardWeights, TaskConfig
 from quad_env.physics.simulators import WARP, check_simulator
 from quad_env.robots.robot import Robot
@@ -190,6 +191,9 @@ class TrainConfig:
     continued."""
     part: str | None = None
     """Train only the K-th of N equal shares of --seeds, such as 2/5; other machines train the other shares."""
+    ray: RayOption = None
+    """Train --seeds on a Ray cluster (pip install -e ".[cluster]"), each on --threads cores: at HOST:PORT, or without a
+    value on a cluster that is started on this machine. The trained policies do not depend on it."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
     robot than SimpleQuad."""

@@ -23,7 +23,7 @@ from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, RECIPES, TrainConfig, with_observations
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
-_NOT_SETTINGS = ("out", "part", "resume", "seeds", "threads")
+_NOT_SETTINGS = ("out", "part", "ray", "resume", "seeds", "threads")
 """Names of the options of a training or a distillation that do not affect the trained policy of one seed."""
 
 

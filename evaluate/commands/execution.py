@@ -5,9 +5,10 @@ After Ctrl-C, the results of the finished pairs of policy and scenario are print
 
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 # All modules that the run needs are imported here, because Ctrl-C must not interrupt an import later.
@@ -21,10 +22,13 @@ from evaluate.records.extension import extend_run
 from evaluate.records.manifest import Manifest
 from evaluate.records.parts import read_part, write_part
 from evaluate.records.shares import Share
+from evaluate.records.software import software_versions
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.run import RunSettings, StoreError, run_cells
+from evaluate.rollouts.cluster import VersionCheck, connect
+from evaluate.rollouts.cluster_tasks import cluster_executor
+from evaluate.rollouts.run import Executor, RunSettings, StoreError, run_cells
 from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
@@ -33,6 +37,7 @@ from quad_env.cli.format import with_count
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import format_os_error
 from quad_env.cli.progress import show_progress, show_waiting
+from quad_env.cli.ray_option import parse_ray
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
@@ -191,13 +196,13 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
         with _explained_errors(store):
             launcher.raise_on_interrupt()
             launcher.preallocate_blas_buffers()
-            with Interrupt() as interrupt:
+            with Interrupt() as interrupt, _engine(plan, interrupt.check) as engine:
                 while not run.complete:
                     if run.cells:
                         episodes = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
                         store.manifest = replace(run.manifest, episodes=episodes)
                         finished = []
-                    finished.extend(_cells(plan, store, interrupt))
+                    finished.extend(_cells(plan, store, interrupt, engine))
                     run = _after_interim_analysis(_run(store.manifest, finished), store.folder)
     except KeyboardInterrupt:
         if not store.begun:
@@ -222,13 +227,46 @@ def _explained_errors(store: ChunkStore) -> Iterator[None]:
         raise UsageError(message) from error
 
 
-def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
+@dataclass(frozen=True)
+class _Engine:
+    """Processes that simulate the episodes of a run."""
+
+    workers: int
+    """Number of processes that simulate in parallel."""
+    make_executor: Callable[[int], Executor]
+    """Function that takes the maximum number of episodes in a batch of several policies, and returns the executor."""
+
+
+@contextmanager
+def _engine(plan: Plan, check: Callable[[], None]) -> Iterator[_Engine]:
+    """Provide the processes that the options of a run select: workers of this machine, or of a Ray cluster.
+
+    Args:
+        plan: Checked options, policies and scenarios of the run.
+        check: Function that is called repeatedly during the simulation; it raises an exception to end it.
+
+    Yields:
+        The engine.
+
+    ClusterError is raised if the Ray cluster cannot be used.
+    """
+    threads = plan.options.threads
+    if plan.options.ray is None:
+        yield _Engine(threads, partial(process_pool, threads, check))
+        return
+    check_versions = VersionCheck(software_versions(), software_versions)
+    with connect(parse_ray(plan.options.ray), threads, check_versions) as cluster:
+        yield _Engine(cluster.cores, partial(cluster_executor, cluster, check))
+
+
+def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine) -> Iterator[PolicyScenarioResult]:
     """Simulate all pairs of policy and scenario in the manifest of the store, and show the progress.
 
     Args:
         plan: Checked options, policies and scenarios of the run.
         store: Store of finished chunks (subsets of episodes that are simulated together).
         interrupt: Handler of Ctrl-C; the function checks it during the simulation.
+        engine: Processes that simulate.
 
     Yields:
         The result of each pair as soon as all of its episodes are finished.
@@ -240,17 +278,16 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             interrupt.check()
             progress(policy, scenario, fraction)
 
-        threads = plan.options.threads
         # The chunks (subsets of the episodes of a pair) are as large as the options allow, but small enough that every
         # worker process gets at least one chunk.
-        episodes_per_worker = max(1, -(-plan.manifest.episode_count // threads))
+        episodes_per_worker = max(1, -(-plan.manifest.episode_count // engine.workers))
         settings = RunSettings(
-            nthread=threads,
+            nthread=engine.workers,
             progress=report,
             chunk_size=min(plan.options.at_once, episodes_per_worker),
             store=store,
             steps=manifest.steps,
-            executor=process_pool(threads, interrupt.check, _group_size(plan)),
+            executor=engine.make_executor(_group_size(plan, engine.workers)),
             hardware=manifest.hardware,
             episode_indices={scenario.name: manifest.episode_indices(scenario.name) for scenario in plan.scenarios},
         )
@@ -259,16 +296,22 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
         yield from run_cells(plan.policies, scenarios, seeds, settings)
 
 
-def _group_size(plan: Plan) -> int:
+def _group_size(plan: Plan, workers: int) -> int:
     """Return the maximum number of episodes of several policies that are simulated in one batch.
 
     A large batch is fast. With several worker processes, batches are small enough that the processes end at about the
     same time.
+
+    Args:
+        plan: Checked options, policies and scenarios of the run.
+        workers: Number of worker processes.
+
+    Returns:
+        The number of episodes.
     """
-    threads = plan.options.threads
-    if threads == 1:
+    if workers == 1:
         return plan.options.at_once
-    return min(plan.options.at_once, max(1, -(-plan.manifest.episode_count // (threads * GROUPS_PER_WORKER))))
+    return min(plan.options.at_once, max(1, -(-plan.manifest.episode_count // (workers * GROUPS_PER_WORKER))))
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:

@@ -10,6 +10,7 @@ import tyro
 
 from evaluate.hardware import HardwareConfig
 from quad_env.cli.child_process import available_cores
+from quad_env.cli.ray_option import RayOption
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
@@ -22,7 +23,7 @@ EPISODES = {None: 20, "settled": 96}
 A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this run, the
 value is the maximum number of episodes.
 """
-RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "add", "baseline", "trust")
+RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "add", "baseline", "trust", "ray")
 """Names of the options that may change when an interrupted run is resumed; no result depends on them."""
 
 
@@ -84,6 +85,9 @@ class EvaluateOptions:
     """Worker processes that simulate in parallel (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256
     """Episodes that a process simulates and writes together (count). No result depends on it."""
+    ray: RayOption = None
+    """Simulate on a Ray cluster (pip install -e ".[cluster]"): at HOST:PORT, or without a value on one of --threads
+    workers that is started on this machine. No result depends on it."""
 
     @property
     def hardware_config(self) -> HardwareConfig:

@@ -27,6 +27,7 @@ from evaluate.rollouts import battery, rollout
 from evaluate.rollouts.cost import episode_costs
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.part import parse_part
+from quad_env.cli.ray_option import parse_ray
 from quad_env.files.writing import exclusive_lock, make_writable_folder
 from quad_env.physics.simulators import MUJOCO
 from quad_env.robots.robot import Robot
@@ -87,6 +88,8 @@ def check(options: EvaluateOptions) -> Plan:
     options = replace(options, episodes=options.max_episodes, policies=expand_patterns(options.policies))
     names, groups = split_groups(options.policies)
     check_numbers(options, LIMITS)
+    if options.ray is not None:
+        parse_ray(options.ray)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:

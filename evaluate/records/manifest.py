@@ -47,12 +47,12 @@ _SHA256 = "sha256"
 """Key in manifest.json for the SHA-256 of all other keys and values, which shows a change of the file."""
 _NOT_PROVENANCE = ("options", "date", "fingerprint", "share")
 """Names of the fields of a manifest that have no influence on the results of the evaluation."""
-_NOT_COMPARED = {"git_revision"}
+NOT_COMPARED = {"git_revision"}
 """Names of the software versions that are not compared between two runs (evaluations).
 
 The git revision is not compared because the hash of the code already shows every change of the code.
 """
-_NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
+_NOT_IN_FINGERPRINT = NOT_COMPARED | {"blas", "simd", "libc"}
 """Names of the software versions that do not enter the fingerprint (hash of all inputs) of an evaluation.
 
 These versions do not always affect the results. The command `compare` reports a difference in all of them except the
@@ -368,7 +368,7 @@ def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
     for name, version in then.versions.items():
         # A version that only one manifest has is no difference, because older manifests lack some versions.
         new = now.versions.get(name, version)
-        if name not in _NOT_COMPARED and new != version:
+        if name not in NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:
         yield "the code of quad_env, policies or evaluate has changed"

@@ -130,16 +130,20 @@ def cpu_model() -> str:
 
 
 @cache
-def code_digest() -> str:
+def code_digest(packages: tuple[str, ...] = SOURCES) -> str:
     """Return the SHA-256 of the code on which the results depend: Python statements and data files.
-
-    The code consists of the packages of this project that SOURCES names.
 
     Comments, docstrings and the layout of Python files have no influence on the hash, because no result depends on
     them.
+
+    Args:
+        packages: Names of the packages of this project that contain the code; by default SOURCES.
+
+    Returns:
+        The hash, hexadecimal.
     """
     digest = hashlib.sha256()
-    for path in (path for package in SOURCES for path in sorted((REPOSITORY / package).rglob("*"))):
+    for path in (path for package in packages for path in sorted((REPOSITORY / package).rglob("*"))):
         if path.suffix not in _SOURCE_SUFFIXES:
             continue
         content = path.read_bytes()

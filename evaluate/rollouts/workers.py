@@ -1,6 +1,10 @@
 """Executor that runs tasks (subsets of episodes) in parallel worker processes.
 
 Each worker process runs the policies and the simulation of a group of tasks, so that policies also run in parallel.
+
+The library loky 3.7 was tried instead. Its workers outlive a parent that is killed, even if they start with
+`exit_with_parent`. It passes the other cases: a killed worker, a policy that never returns, Ctrl-C and `ulimit -v`.
+It has no channel for the progress of a task.
 """
 
 import contextlib
@@ -274,15 +278,21 @@ def _run_group(tasks: Sequence[Task], pipe: Connection) -> GroupResult | BaseExc
 
     try:
         result = simulate_group(tasks, 1, report)
-        return result if result.error is None else replace(result, error=_picklable(result.error))
+        return result if result.error is None else replace(result, error=picklable(result.error))
     except BaseException as error:
-        return _picklable(error)
+        return picklable(error)
 
 
-def _picklable(error: BaseException) -> BaseException:
+def picklable(error: BaseException) -> BaseException:
     """Return an exception that can be sent to the parent process, with the traceback as a note.
 
     If the exception cannot be pickled, a new exception with only its message is returned.
+
+    Args:
+        error: Exception that a task has raised.
+
+    Returns:
+        The exception or its replacement.
     """
     try:
         error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")

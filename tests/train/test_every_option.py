@@ -227,7 +227,15 @@ ELSEWHERE = (
     | {
         *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
         *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
-        *("ppo.learning_rate_final", "ppo.symmetry", "ppo.normalization", "ppo.critic_learning_rate", "seeds", "part"),
+        *(
+            "ppo.learning_rate_final",
+            "ppo.symmetry",
+            "ppo.normalization",
+            "ppo.critic_learning_rate",
+            "seeds",
+            "part",
+            "ray",
+        ),
     }
 )
 """Options with their own tests, below or in another module of this folder.

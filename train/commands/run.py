@@ -33,6 +33,7 @@ BASIC_OPTIONS = (
     "seed",
     "seeds",
     "part",
+    "ray",
     "out",
     "resume",
     "threads",

@@ -11,6 +11,7 @@ from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.ray_option import RayOption
 from quad_env.scenarios.scenario import HARDWARE, SCAN_DROPOUTS, SCAN_LOST
 from quad_env.sensing.height_scan import HeightScan
 from train import deployable
@@ -163,6 +164,9 @@ class DistillationConfig:
     skipped and stopped runs are continued."""
     part: str | None = None
     """Train only the K-th of N equal shares of --seeds, such as 2/5; other machines train the other shares."""
+    ray: RayOption = None
+    """Train --seeds on a Ray cluster (pip install -e ".[cluster]"), each on --threads cores: at HOST:PORT, or without a
+    value on a cluster that is started on this machine. The trained policies do not depend on it."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED, or runs/ROBOT-sighted-SEED with
     --sighted."""

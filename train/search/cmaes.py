@@ -7,7 +7,9 @@ The result is written as JSON. A report in Markdown describes the search and the
 
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -17,10 +19,14 @@ from rich.progress import track
 from evaluate.measures.averages import quotient
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import SETTLING_TIME
+from evaluate.records.software import software_versions
+from evaluate.rollouts.cluster import Report, VersionCheck, connect
+from evaluate.rollouts.task_files import Unpacked, mark_files
 from policies.base import CONTROL_PERIOD, Floats
 from policies.parameters import Parameters, limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
+from quad_env.cli.ray_option import RayOption, parse_ray
 from quad_env.files.writing import write_atomically
 from quad_env.seeding import episode_seeds
 from train.search.trials import Seeds
@@ -43,6 +49,8 @@ Each line is the JSON of a generation: the candidate parameters, their costs, an
 distribution."""
 
 P = TypeVar("P", bound=Parameters)
+Costs = Callable[[list[P], Seeds], Sequence[float] | Floats]
+"""Cost function: takes k candidates and the seeds of the episodes, and returns k mean costs; smaller is better."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +76,9 @@ class SearchOptions:
     """Number of threads of the simulation."""
     exercises: tuple[str, ...] = ()
     """Scenarios with equal weights that replace the default ones of the search, for example flat push=42+hardware."""
+    ray: RayOption = None
+    """Compute the costs of the candidates on a Ray cluster (pip install -e ".[cluster]"): at HOST:PORT, or without a
+    value on one of --threads workers that is started on this machine. No result depends on it."""
     start: Path | None = None
     """JSON file with the start parameters of the search; by default the search has its own start parameters."""
     out: Path | None = None
@@ -82,7 +93,7 @@ class SearchOptions:
         words = [program]
         for option in fields(self):
             value = getattr(self, option.name)
-            if option.name == "seed" or (value != option.default and option.name not in ("threads", "out")):
+            if option.name == "seed" or (value != option.default and option.name not in ("threads", "ray", "out")):
                 entries = map(str, value if isinstance(value, tuple) else (value,))
                 words += [f"--{option.name.replace('_', '-')}", *entries]
         return " ".join(words)
@@ -102,7 +113,7 @@ class SearchProblem(Generic[P]):
     """Parameters at the start of the search."""
     ranges: Ranges
     """Name of each searched parameter -> (lower bound, upper bound), in its unit."""
-    costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
+    costs: Costs[P]
     """Cost function: takes k candidates and the seeds of the episodes, and returns k mean costs; smaller is better."""
     finalize: Callable[[P], tuple[str, str]]
     """Function that completes the result of the search and describes it.
@@ -170,11 +181,16 @@ def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
         The exit code, 0.
 
     Raises:
-        UsageError: The options are not valid, or a file cannot be read or written.
+        UsageError: The options are not valid, a file cannot be read or written, or the Ray cluster fails.
         KeyboardInterrupt: After Ctrl-C. The message names the file with the completed generations, if there are any.
     """
     check_numbers(options, limits_of(options))
+    if options.ray is not None:
+        parse_ray(options.ray)
     problem = make_problem(options)
+    if options.ray is not None:
+        # Each candidate runs on one core of the cluster.
+        problem = replace(problem, costs=make_problem(mark_files(replace(options, threads=1))).costs)
     out = options.out or problem.file
     if out.name == problem.account:
         raise UsageError(f"--out must not be {problem.account}, which the account goes to")
@@ -217,15 +233,69 @@ def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[
     settings |= {"CMA_diagonal": True} if problem.diagonal else {}
     first = np.clip(encode(problem.start, problem.ranges), MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(first, options.spread, settings)
-    for seeds in track(generation_seeds(options), description="generations"):
-        points = strategy.ask()
-        candidates = [decode(point, problem.start, problem.ranges, problem.digits) for point in points]
-        costs = problem.costs(candidates, seeds)
-        strategy.tell(points, list(costs))
-        print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
-        tried = [{"cost": float(cost)} | asdict(candidate) for cost, candidate in zip(costs, candidates, strict=True)]
-        mean = np.clip(strategy.result.xfavorite, 0, 1)
-        yield decode(mean, problem.start, problem.ranges, problem.digits), tried
+    with _cost_function(options, problem) as compute_costs:
+        for seeds in track(generation_seeds(options), description="generations"):
+            points = strategy.ask()
+            candidates = [decode(point, problem.start, problem.ranges, problem.digits) for point in points]
+            costs = compute_costs(candidates, seeds)
+            strategy.tell(points, list(costs))
+            print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
+            paired = zip(costs, candidates, strict=True)
+            tried = [{"cost": float(cost)} | asdict(candidate) for cost, candidate in paired]
+            mean = np.clip(strategy.result.xfavorite, 0, 1)
+            yield decode(mean, problem.start, problem.ranges, problem.digits), tried
+
+
+@contextmanager
+def _cost_function(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[Costs[P]]:
+    """Provide the cost function of a search, which runs on a Ray cluster if the options select one.
+
+    On a cluster, each candidate is a task. A candidate has the same cost alone as with others in one batch.
+
+    Args:
+        options: Options of the search.
+        problem: Definition of the search.
+
+    Yields:
+        The cost function.
+    """
+    if options.ray is None:
+        yield problem.costs
+        return
+    check_versions = VersionCheck(_versions(), _versions)
+    with connect(parse_ray(options.ray), options.threads, check_versions) as cluster:
+
+        def costs(candidates: list[P], seeds: Seeds) -> list[float]:
+            """Return the mean cost of each candidate."""
+            values = [partial(_with_costs, problem.costs, candidate, seeds) for candidate in candidates]
+            results = dict(cluster.run(_compute_cost, values, lambda *_: None))
+            return [results[index] for index in range(len(candidates))]
+
+        yield costs
+
+
+def _versions() -> dict[str, str]:
+    """Return the versions of the software on which the costs of candidates depend."""
+    return software_versions(sources=("train",))
+
+
+def _with_costs(costs: Costs[P], candidate: P, seeds: Seeds) -> tuple[Costs[P], P, Seeds]:
+    """Return the value of a task that computes the cost of one candidate."""
+    return costs, candidate, seeds
+
+
+def _compute_cost(unpacked: Unpacked, report: Report) -> float:
+    """Compute the cost of one candidate in a worker of a cluster.
+
+    Args:
+        unpacked: Cost function, candidate, and seeds of the episodes.
+        report: Function for messages about the progress, which is not called.
+
+    Returns:
+        The mean cost.
+    """
+    costs, candidate, seeds = unpacked.value
+    return float(costs([candidate], seeds)[0])
 
 
 def parameters_to_json(parameters: Any) -> str:

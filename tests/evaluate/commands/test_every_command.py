@@ -24,6 +24,7 @@ from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_plot, test_replay, test_table
 from tests.evaluate.records import test_extension, test_parts, test_resume, test_settled
+from tests.evaluate.rollouts import test_cluster
 from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
 
@@ -152,6 +153,7 @@ ELSEWHERE = {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
         "add": test_extension.test_a_policy_is_added_and_only_its_episodes_are_simulated,
         "part": test_parts.test_parts_in_any_order_are_one_run,
+        "ray": test_cluster.test_an_evaluation_has_the_bytes_of_local_workers_though_ray_workers_are_killed,
         "until": test_settled.test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so,
         "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },

