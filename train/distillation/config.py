@@ -53,15 +53,17 @@ VALIDATION_SCENARIOS = (
 A name such as `latency:3` means level 3 of the disturbance `latency`. The suffix `+hardware` adds the motors, delays
 and sensors of the real robot."""
 TERRAIN_SHARES = {
-    "rough": (0.010, 0.015, 0.035, 0.055, 0.020, 0.008, 0.005),
-    "stairs": (0.010, 0.030, 0.060, 0.020, 0.006, 0.005),
-    "gravel": (0.006, 0.010, 0.025, 0.020, 0.010, 0.005),
+    "rough": (0.010, 0.015, 0.035, 0.055, 0.020, 0.009, 0.009),
+    "stairs": (0.010, 0.030, 0.060, 0.020, 0.009, 0.009),
+    "gravel": (0.009, 0.010, 0.025, 0.020, 0.010, 0.009),
 }
-"""Disturbance axis of uneven ground -> fractions of the robots of a sighted student on its levels 1, 2, …"""
+"""Disturbance axis of uneven ground -> fractions of the robots of a sighted student on its levels 1, 2, …
+
+Each level has at least two robots of 256, so that its difficulty can rise after a segment."""
 HARDWARE_TERRAIN_SHARES = {
-    "rough": (0.005, 0.008, 0.015, 0.020, 0.006, 0.005, 0.005),
-    "stairs": (0.005, 0.012, 0.020, 0.008, 0.005, 0.005),
-    "gravel": (0.005, 0.005, 0.010, 0.008, 0.005, 0.005),
+    "rough": (0.009, 0.009, 0.015, 0.020, 0.009, 0.009, 0.009),
+    "stairs": (0.009, 0.012, 0.020, 0.009, 0.009, 0.009),
+    "gravel": (0.009, 0.009, 0.010, 0.009, 0.009, 0.009),
 }
 """The fractions `TERRAIN_SHARES` of the same scenarios with the robot's hardware profile."""
 SCAN_LOSS_SHARES = (

@@ -19,9 +19,9 @@ from quad_env.scenarios.scenario import HARDWARE
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main
 from train.commands import distil, run
-from train.config import IMPROVE_MIXTURE
+from train.config import CONTROL_PERIOD, IMPROVE_MIXTURE
 from train.distillation import config as settings
-from train.distillation.run import Distillation
+from train.distillation.run import MIN_INTERVALS, Distillation
 from train.run_folder import BEST, LAST
 from train.run_record import load_config
 from train.training_robots import distribute_robots
@@ -116,11 +116,14 @@ def test_a_sighted_student_has_its_own_defaults_which_options_change() -> None:
 
 @pytest.mark.parametrize("suffix", ["", HARDWARE])
 @pytest.mark.parametrize("axis", ["rough", "stairs", "gravel"])
-def test_the_mixture_has_a_robot_on_every_level_of_uneven_ground(axis: str, suffix: str) -> None:
+def test_the_mixture_has_robots_on_every_level_of_uneven_ground_that_can_rise(axis: str, suffix: str) -> None:
+    """A segment has enough command intervals of each level for the curriculum."""
     config = distil.parse(SIGHTED.split())
     counts = distribute_robots(config.mixture, config.envs, SIMPLE_QUAD)
-    levels = range(1, len(axes_of(SIMPLE_QUAD)[axis].levels) + 1)
-    assert [counts.get(f"{axis}:{level}{suffix}", 0) > 0 for level in levels] == [True] * len(levels)
+    steps = config.segment_rounds * config.round_steps
+    for level in range(1, len(axes_of(SIMPLE_QUAD)[axis].levels) + 1):
+        name = f"{axis}:{level}{suffix}"
+        assert counts[name] * (steps // scenario(name).commands.steps(CONTROL_PERIOD)) >= MIN_INTERVALS, name
 
 
 def test_the_mixture_has_all_scenarios_of_a_blind_student_and_lost_scans() -> None:
