@@ -12,6 +12,7 @@ from policies.bundle import load
 from policies.history import Inputs
 from policies.input_terms import DEPLOYABLE_TERMS
 from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.cli.interrupt import Interrupt
 from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.registry import scenario
@@ -23,8 +24,8 @@ from train.commands import distil
 from train.commands.run import parse
 from train.deployable import hardware_mixture, observations_of
 from train.distillation.config import DistillationConfig, distillation_command
+from train.distillation.run import Distillation, make_robots
 from train.distillation.run import evaluation_command as distillation_evaluation
-from train.distillation.run import make_robots
 from train.distillation.teacher import PrivilegedTeacher, make_teacher, student_inputs
 from train.run import make_env
 from train.run_record import evaluation_command, training_command
@@ -167,6 +168,14 @@ def test_the_bundle_of_a_student_has_no_linear_velocity_and_folds_the_normalisat
         changed = seen.copy()
         changed[:, OBSERVATION["linear_velocity"]] += 3.0
         assert policy.act(seen).tobytes() == other.act(changed).tobytes()
+
+
+def test_the_inputs_of_the_collection_have_the_period_of_the_policy(tmp_path):
+    config = distil.parse([*STUDENT, *SMALL_STUDENT, "--hold", "3", "--out", str(tmp_path / "run")])
+    with Interrupt() as interrupt:
+        run = Distillation(config, interrupt)
+    run._robots.close()
+    assert run._collector._features.terms.period == run._policy().features.terms.period == pytest.approx(0.03)
 
 
 def test_a_policy_for_robots_is_evaluated_on_the_hardware_profile(student):
