@@ -223,7 +223,7 @@ class TrainConfig:
     """Observations of the policy. all: the whole observation. deployable: quantities that a robot measures, without
     linear velocity, for robots on their hardware profile; estimated: these and the estimated linear velocity. Both need
     --policy end-to-end, and change the defaults of --inputs, --mixture and --validation.scenarios. The value network
-    always observes the true state."""
+    then observes the true state."""
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Give the network a height scan of the ground around the robot, see --scan."""
     scan: HeightScan = dataclasses.field(default_factory=HeightScan)
