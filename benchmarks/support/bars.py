@@ -59,6 +59,14 @@ BARS = {
     "training": Requirement(
         "learner steps / physics alone of the same robots, speed", "training", (Threshold("≥", 0.55),)
     ),
+    "evaluation": Requirement(
+        "evaluation / bare physics of the same robots and the policies, speed", "evaluation", (Threshold("≥", 0.75),)
+    ),
+    "evaluation hardware": Requirement(
+        "evaluation with the hardware profile / bare physics and the policies, speed",
+        "evaluation",
+        (Threshold("≥", 0.5),),
+    ),
     "import": Requirement("import quad_env, gymnasium / import gymnasium, time", "startup", (Threshold("≤", 1.25),)),
     "loaded": Requirement(
         "of gymnasium, mujoco and torch, loaded by import quad_env", "startup", (Threshold("≤", 0.0),)

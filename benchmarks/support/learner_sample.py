@@ -8,8 +8,6 @@ import contextlib
 import copy
 import math
 import time
-from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -22,7 +20,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from torch import nn
 
-from benchmarks.support.measure import Floats, progress_bar
+from benchmarks.support.measure import Clock, Floats, Stopwatch, progress_bar
 from quad_env.physics.simulation import Simulation
 from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
@@ -31,8 +29,6 @@ from train.sb3.actor_critic import AsymmetricPolicy
 from train.sb3.ppo import make_ppo
 from train.training_robots import MultiScenarioVectorEnv
 
-Clock = Callable[[], float]
-"""Type of a function that returns the present time, s."""
 PARTS = ("physics", "environment", "features", "network", "update")
 """Parts of a learner sample: MuJoCo; observations, rewards and resets without MuJoCo; inputs of the networks and data
 for the learner; actions and values in the rollout; update of the networks."""
@@ -46,31 +42,6 @@ ADAM_EPSILON = 1e-5
 """Number that the Adam optimiser of Stable-Baselines3 adds to the root of the second moment."""
 VALUE_WEIGHT = 0.5
 """Weight of the value loss in the PPO loss of the bare update."""
-
-
-class Stopwatch:
-    """Stopwatch that measures the total duration of all calls of functions, which its method `timed` wraps.
-
-    Args:
-        clock: Function that returns the present time, s; by default wall time.
-    """
-
-    def __init__(self, clock: Clock = time.perf_counter) -> None:
-        self._clock = clock
-        self.seconds = defaultdict[str, float](float)
-        """Name of a wrapped function, as given to `timed` -> total duration of all calls of the function, s."""
-
-    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function that calls `function` and adds the duration of the call to `seconds[name]`."""
-
-        def call(*args: Any, **kwargs: Any) -> Any:
-            begin = self._clock()
-            try:
-                return function(*args, **kwargs)
-            finally:
-                self.seconds[name] += self._clock() - begin
-
-        return call
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import os
 import platform
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -24,8 +25,35 @@ from evaluate.records.provenance import cpu_model
 Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
 """Type of a function that does the same work at every call, and returns the duration of the work, s."""
+Clock = Callable[[], float]
+"""Type of a function that returns the present time, s."""
 Advance = Callable[[], None]
 """Type of a function that moves a progress bar forward; it is called when one part of the work is done."""
+
+
+class Stopwatch:
+    """Stopwatch that measures the total duration of all calls of functions, which its method `timed` wraps.
+
+    Args:
+        clock: Function that returns the present time, s; by default wall time.
+    """
+
+    def __init__(self, clock: Clock = time.perf_counter) -> None:
+        self._clock = clock
+        self.seconds = defaultdict[str, float](float)
+        """Name of a wrapped function, as given to `timed` -> total duration of all calls of the function, s."""
+
+    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that calls `function` and adds the duration of the call to `seconds[name]`."""
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            begin = self._clock()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.seconds[name] += self._clock() - begin
+
+        return call
 
 
 @contextmanager
