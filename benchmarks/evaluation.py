@@ -35,11 +35,11 @@ class EvaluationBenchmarkOptions(MeasurementOptions):
 
     robot: str = SIMPLE_QUAD.name
     """Name of the robot, or path of its MJCF, URDF or TOML file."""
-    policies: tuple[str, ...] = ("stand", "trot", "trot_feedback", "trot_integral")
+    policies: tuple[str, ...] = ("stand", "trot", "trot_integral")
     """Names of the policies; all run in one batch of robots."""
     scenarios: tuple[str, ...] = ("flat", "rough", "push")
     """Names of the scenarios."""
-    episodes: int = 24
+    episodes: int = 64
     """Number of episodes of each policy on each scenario."""
     steps: int = 200
     """Number of control steps of an episode."""
@@ -61,7 +61,8 @@ def measure(options: EvaluationBenchmarkOptions) -> BenchmarkResult:
         UsageError: A scenario is unknown.
     """
     if options.quick:
-        options = replace(options, rounds=1, policies=("stand", "trot"), scenarios=("flat",), episodes=2, steps=MIN_STEPS)
+        options = replace(options, rounds=1, policies=("stand", "trot"), scenarios=("flat",))
+        options = replace(options, episodes=2, steps=MIN_STEPS)
     check_numbers(options, {"episodes": (1, 10_000), "steps": (MIN_STEPS, MAX_EPISODE_STEPS)})
     if unknown := set(options.scenarios) - set(SCENARIOS):
         raise UsageError(f"--scenarios: unknown {', '.join(sorted(unknown))}; valid: {', '.join(SCENARIOS)}")

@@ -12,7 +12,7 @@ from benchmarks.support.command import WIDTH, BenchmarkResult
 from benchmarks.view import CHROMIUM
 
 TOGETHER = ("single_env", "vector_env", "physics", "policies", "network", "startup")
-COMMANDS = (*TOGETHER, "rendering", "recording", "view")
+COMMANDS = (*TOGETHER, "evaluation", "rendering", "recording", "view")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -51,6 +51,7 @@ BROWSER = pytest.mark.skipif(not any(map(shutil.which, CHROMIUM)), reason="needs
         ("policies", "--policies stand trot"),
         ("network", "--hidden 8 4"),
         ("recording", "--policies trot"),
+        ("evaluation", ""),
         ("startup", ""),
         pytest.param("rendering", "", marks=pytest.mark.rendering),
         pytest.param("view", "", marks=[pytest.mark.rendering, BROWSER]),
