@@ -14,7 +14,7 @@ from rich.table import Table
 
 from benchmarks.support.bars import RequirementCheck, check_requirement
 from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
-from benchmarks.support.evaluation_parts import PARTS, BarePhysics, TimedEvaluation
+from benchmarks.support.evaluation_parts import PARTS, BareControlSteps, TimedEvaluation
 from benchmarks.support.measure import Floats, compute_quartiles, interleave
 from quad_env import MAX_EPISODE_STEPS, SCENARIOS
 from quad_env.cli.command_line import UsageError, check_numbers
@@ -111,7 +111,7 @@ def _time_scenario(evaluation: TimedEvaluation, rounds: int) -> dict[str, Floats
         Name of one of the `PARTS`, or `BARE_PHYSICS` -> processor time in each round, (rounds,), s.
     """
     evaluation.run()
-    bare = BarePhysics(evaluation)
+    bare = BareControlSteps(evaluation)
     parts: list[dict[str, float]] = []
 
     def evaluate() -> float:

@@ -34,7 +34,7 @@ signals of all control steps; measures and causes of failures."""
 
 
 @dataclass(frozen=True)
-class PhysicsCall:
+class ControlStep:
     """Control step of the robots of an evaluation."""
 
     env_ids: Any
@@ -76,7 +76,7 @@ class TimedEvaluation:
         seeds = np.asarray(episode_seeds("search", 0, episodes))
         self._tasks = [_make_task(policy, self.scenario, seeds, steps, hardware) for policy in policies]
         self._clock = time.process_time
-        self.calls: list[PhysicsCall] = []
+        self.calls: list[ControlStep] = []
         """Control steps of the last evaluation."""
         self.simulation: Simulation | None = None
         """Simulation of the last evaluation; None before the first one."""
@@ -166,7 +166,7 @@ class TimedEvaluation:
     def _record(self, simulation: Simulation, env_ids: EnvSelection, qpos: Floats, qvel: Floats) -> None:
         """Append a control step of the robots `env_ids` to `calls`; `qpos` and `qvel` are their states before it."""
         ids = None if env_ids is ALL else env_ids
-        self.calls.append(PhysicsCall(ids, qpos, qvel, simulation._ctrl.copy()))
+        self.calls.append(ControlStep(ids, qpos, qvel, simulation._ctrl.copy()))
 
 
 def _make_task(policy: LabelledPolicy, scenario: Scenario, seeds: Any, steps: int, hardware: Any) -> Task:
@@ -174,7 +174,7 @@ def _make_task(policy: LabelledPolicy, scenario: Scenario, seeds: Any, steps: in
     return Task(policy, scenario, np.arange(len(seeds)), seeds, steps, hardware)
 
 
-class BarePhysics:
+class BareControlSteps:
     """Physics of an evaluation without the environment: `Batch.step` alone, from the same states.
 
     Args:

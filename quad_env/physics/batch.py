@@ -1,5 +1,6 @@
 """Interface that each physics engine implements, and a function that creates the interface to an engine."""
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
@@ -79,6 +80,30 @@ class Batch(Protocol):
 
     def get_data(self, robot: int) -> Any:
         """Return a copy of the MuJoCo data of the robot with the index `robot`."""
+
+
+class RecordingBatch(Batch, Protocol):
+    """Interface to a physics engine with the feature `outputs_of_all_steps`; only MuJoCo has it."""
+
+    state: Array
+    """Complete state of each robot, (n, size); writing to it changes the robots."""
+
+    def rollout(
+        self, nstep: int, *, record: Sequence[str], ids: EnvSelection | None, out: dict[str, Array] | None
+    ) -> dict[str, Array]:
+        """Advance robots by physics steps, and return output fields after each step.
+
+        A robot with a new warning is not stepped further.
+
+        Args:
+            nstep: Number of physics steps.
+            record: Names of the fields.
+            ids: Indices of k robots; None for all robots.
+            out: Result of an earlier call for the same number of robots, to which the values are written.
+
+        Returns:
+            Name of a field -> values after each step, (k, nstep, size).
+        """
 
 
 def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:

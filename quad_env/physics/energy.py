@@ -1,6 +1,7 @@
 """Meter of the work, heat, torques and speeds of motors, and of foot impulses, over a control step."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,11 +25,13 @@ JOINT_READINGS = (
 
 `quad_env.task.readings` explains the measurements and gives their units.
 """
-AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
-"""Type of a function that returns the joint torques of k robots in the last physics step, (k, 12), N·m.
+StepOutputs = Mapping[str, Array]
+"""Type of MuJoCo's outputs of physics steps: name of a field in `MotorMeter.outputs` -> values, (..., size)."""
+AppliedTorqueReader = Callable[[StepOutputs, Array], Array]
+"""Type of a function that returns the joint torques in physics steps, (..., 12), N·m.
 
-The arguments of the function are the indices of the k robots, and the change of the joint velocities in the physics
-step, (k, 12), rad/s.
+The arguments of the function are the outputs of the physics steps, and the change of the joint velocities in each
+physics step, (..., 12), rad/s.
 """
 
 
@@ -48,16 +51,26 @@ class SubstepSample(NamedTuple):
 class MotorMeter:
     """Meter of motors and foot forces of n robots, which samples every physics step of a control step.
 
-    The simulation calls `start` before the physics steps of a control step, `record` after each physics step, and
-    `finish` at the end. The work of a physics step is the torque times the duration times the mean of the speeds v
-    before and v' after the step. This formula is exact: the impulse of all forces is M (v' − v), with the inertia
-    matrix M. The product of this impulse with (v + v') / 2 is the change of the kinetic energy ½ vᵀ M v.
+    The simulation calls `start` before the physics steps of a control step, and `finish` at the end. It calls `record`
+    after each physics step, or `record_steps` after all of them.
+
+    The work of a physics step is the torque times the duration times the mean of the speeds v before and v' after the
+    step. This formula is exact: the impulse of all forces is M (v' − v), with the inertia matrix M. The product of this
+    impulse with (v + v') / 2 is the change of the kinetic energy ½ vᵀ M v.
     """
 
     def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator) -> None:
-        self._speed = batch.bind("qvel")[:, -robot.num_joints :]
+        self._joints = slice(-robot.num_joints, None)
+        self._speed = batch.bind("qvel")[:, self._joints]
         self._applied_torque = make_applied_torque_reader(batch, model, robot.num_joints)
-        self._touch = [[batch.sensor(name).data for name in names] for names in touch_sensors(robot, model)]
+        fields = ("actuator_force", "qDeriv") if batch.features.implicit_damping else ("actuator_force",)
+        self._bound = {field: batch.bind(field) for field in fields}
+        """Name of an output of MuJoCo for the applied torques -> values in the last physics step, (n, size)."""
+        self.outputs = ("qvel", *fields, "sensordata")
+        """Names of the MuJoCo fields that `record_steps` needs of every physics step."""
+        self._model = model
+        self._touch_sensors = touch_sensors(robot, model)
+        self._touch = [[batch.sensor(name).data for name in names] for names in self._touch_sensors]
         self._timestep = model.opt.timestep
         curve = None if actuator.curve is None else actuator.curve.resolve(robot)
         self._slope = np.nan if curve is None else curve.slope
@@ -90,10 +103,32 @@ class MotorMeter:
         before = self._speed_before
         after = self._speed[env_ids].copy()
         force = sum_foot_forces(self._touch, env_ids)
+        outputs = {field: values[env_ids] for field, values in self._bound.items()}
         with np.errstate(all="ignore"):  # A diverged robot may have infinite or NaN values.
-            torque = self._applied_torque(env_ids, after - before)
+            torque = self._applied_torque(outputs, after - before)
         self._samples.append(SubstepSample(before, after, torque, force))
         self._speed_before = after
+
+    @cached_property
+    def _touch_columns(self) -> list[list[slice]]:
+        """For each foot, the columns of its touch sensors in MuJoCo's `sensordata`."""
+        addresses = [[int(self._model.sensor(name).adr[0]) for name in names] for names in self._touch_sensors]
+        return [[slice(address, address + 1) for address in foot] for foot in addresses]
+
+    def record_steps(self, outputs: StepOutputs) -> None:
+        """Record speeds, torques and foot forces in all physics steps of a control step, instead of `record`.
+
+        Args:
+            outputs: Name of a field in `outputs` -> values of k robots in each of m physics steps, (k, m, size).
+        """
+        after = outputs["qvel"].swapaxes(0, 1)[..., self._joints]
+        before = np.concatenate((self._speed_before[None], after[:-1]))
+        steps = {field: outputs[field].swapaxes(0, 1) for field in self._bound}
+        sensors = outputs["sensordata"].swapaxes(0, 1)
+        force = _concatenate_feet([[sensors[..., column] for column in feet] for feet in self._touch_columns])
+        with np.errstate(all="ignore"):  # A diverged robot may have infinite or NaN values.
+            torque = self._applied_torque(steps, after - before)
+        self._samples += map(SubstepSample, before, after, torque, force)
 
     def finish(self, env_ids: EnvSelection) -> None:
         """Compute the measurements of a control step of the robots `env_ids` from its physics steps."""
@@ -144,12 +179,14 @@ def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> 
     Returns:
         Ground force on each foot, (k, 4), N.
     """
-    feet = []
-    for forces in touch:
-        first = forces[0][env_ids]
-        # The force of a foot with one sensor is read without a sum, because a sum takes as long as all other readings.
-        feet.append(first if len(forces) == 1 else np.sum([first, *(force[env_ids] for force in forces[1:])], axis=0))
-    return np.concatenate(feet, axis=1)
+    return _concatenate_feet([[force[env_ids] for force in forces] for forces in touch])
+
+
+def _concatenate_feet(touch: Sequence[Sequence[Array]]) -> Array:
+    """Return the ground force on each foot, (..., 4), N; `touch` are the forces of its sensors, (..., 1) each."""
+    # The force of a foot with one sensor is read without a sum, because a sum takes as long as all other readings.
+    feet = [forces[0] if len(forces) == 1 else np.sum(forces, axis=0) for forces in touch]
+    return np.concatenate(feet, axis=-1)
 
 
 def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> AppliedTorqueReader:
@@ -167,13 +204,17 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
         num_joints: Number of joints; the joints are the last degrees of freedom of the model.
 
     Returns:
-        Function of the robot indices and of the change of the joint velocities in the last physics step, (k, 12),
-        rad/s; it returns the torques, (k, 12), N·m.
+        Function of the outputs of physics steps and of the change of the joint velocities in each of them, (..., 12),
+        rad/s; it returns the torques, (..., 12), N·m.
     """
-    explicit = batch.bind("actuator_force")
     if not batch.features.implicit_damping:
-        return lambda env_ids, _: explicit[env_ids]
-    derivative = batch.bind("qDeriv")
+        return lambda outputs, _: outputs["actuator_force"]
     diagonal = (model.D_rowadr + model.D_diag)[-num_joints:]
     damping = model.dof_damping[-num_joints:].copy()
-    return lambda env_ids, change: explicit[env_ids] + (derivative[env_ids][:, diagonal] + damping) * change
+
+    def read(outputs: StepOutputs, change: Array) -> Array:
+        derivative = outputs["qDeriv"][..., diagonal]
+        torque: Array = outputs["actuator_force"] + (derivative + damping) * change
+        return torque
+
+    return read

@@ -27,7 +27,7 @@ from quad_env.columns import (
     to_components,
 )
 from quad_env.config import PhysicsOptions
-from quad_env.physics.batch import make_batch
+from quad_env.physics.batch import RecordingBatch, make_batch
 from quad_env.physics.energy import MotorMeter, touch_sensors
 from quad_env.physics.footsteps import FootContactTracker, touching
 from quad_env.physics.model import (
@@ -287,6 +287,11 @@ class Simulation:
 
         The code updates a motor meter, a low-pass filter of the joint targets or a thermal model.
         """
+        has_feedback = self._target_filter is not None or self._thermal_model is not None
+        self._records_all_steps = not has_feedback and self.batch.features.outputs_of_all_steps
+        """True if a motor meter can read the outputs of all physics steps after the last one."""
+        self._outputs: dict[str, Array] | None = None
+        """Outputs of the physics steps of all robots, which the next control step overwrites."""
 
     def _bind_randomisation(self, scenario: Scenario) -> None:
         """Create the writer of randomised model parameters, if the scenario has domain randomisation."""
@@ -466,7 +471,7 @@ class Simulation:
             self.meter.start(env_ids)
         if not self._steps_singly:
             self._step_physics(env_ids, self.substeps)
-        else:
+        elif not (self._records_all_steps and self._step_with_outputs(env_ids)):
             for _ in range(self.substeps):
                 if self._target_filter is not None:
                     self._ctrl[env_ids] = self._target_filter.update(targets, env_ids)
@@ -481,6 +486,39 @@ class Simulation:
             self.probe.refresh(env_ids)
         if self._footsteps is not None:
             self._footsteps.update(env_ids)
+
+    def _step_with_outputs(self, env_ids: EnvSelection) -> bool:
+        """Advance robots by a control period in one call, and record the outputs of its physics steps.
+
+        The call stops stepping a robot with a new warning. Then the states before the call are restored, because a
+        robot with a warning is stepped further.
+
+        Args:
+            env_ids: Indices of the robots, or a slice.
+
+        Returns:
+            False if the robots were not advanced, because MuJoCo warned or failed.
+        """
+        assert self.meter is not None, "a simulation without meter"
+        is_all = env_ids is ALL
+        batch = cast("RecordingBatch", self.batch)
+        state = batch.state[env_ids].copy()
+        warning = batch.warning[env_ids].copy()
+        out = self._outputs if is_all else None
+        try:
+            outputs = batch.rollout(self.substeps, record=self.meter.outputs, ids=None if is_all else env_ids, out=out)
+        except SimulationError:
+            has_finished = False
+        else:
+            has_finished = np.array_equal(batch.warning[env_ids], warning)
+        if not has_finished:
+            batch.state[env_ids] = state
+            batch.warning[env_ids] = warning
+            return False
+        if is_all:
+            self._outputs = outputs
+        self.meter.record_steps(outputs)
+        return True
 
     def _step_physics(self, env_ids: EnvSelection, count: int) -> None:
         """Advance robots by `count` physics steps; increase the warning count of each robot that MuJoCo cannot step."""

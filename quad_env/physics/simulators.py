@@ -42,6 +42,8 @@ class SimulatorFeatures:
     per_env_servo_gains: bool = True
     nonlinear_joints: bool = True
     """True if joint springs and quadratic or cubic joint damping are supported."""
+    outputs_of_all_steps: bool = True
+    """True if one call can return the outputs of every physics step of a control step, see `RecordingBatch`."""
     implicit_damping: bool = True
     """True if MuJoCo's field `actuator_force` does not include the damping that is integrated implicitly.
 
@@ -64,6 +66,7 @@ SIMULATOR_FEATURES = {
         per_env_models=False,
         per_env_servo_gains=False,
         nonlinear_joints=False,
+        outputs_of_all_steps=False,
         implicit_damping=False,
     ),
     WARP: SimulatorFeatures(
@@ -74,6 +77,7 @@ SIMULATOR_FEATURES = {
         hardware_profile=False,
         actuator_models=False,
         height_fields=False,
+        outputs_of_all_steps=False,
         implicit_damping=False,
     ),
 }

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.support.evaluation_parts import PARTS, BarePhysics, TimedEvaluation
+from benchmarks.support.evaluation_parts import PARTS, BareControlSteps, TimedEvaluation
 from evaluate.rollouts import run
 
 STEPS = 150
@@ -20,7 +20,7 @@ def test_the_bare_physics_repeats_the_control_steps_of_the_evaluation(evaluation
     evaluation.run()
     calls = evaluation.calls
     assert evaluation.robot_steps == 3 * len(calls) == 3 * STEPS
-    bare = BarePhysics(evaluation)
+    bare = BareControlSteps(evaluation)
     for number in (0, 70, STEPS - 2):
         evaluation.calls = [calls[number]]
         assert bare.run() > 0.0

@@ -127,9 +127,7 @@ def check_work_is_that_of_every_physics_step() -> None:
 
 
 def without_damping(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(
-        energy, "make_applied_torque_reader", lambda batch, *_: lambda ids, _: batch.bind("actuator_force")[ids]
-    )
+    patch.setattr(energy, "make_applied_torque_reader", lambda *_: lambda outputs, _: outputs["actuator_force"])
 
 
 def in_the_last_substep_alone(patch: pytest.MonkeyPatch) -> None:

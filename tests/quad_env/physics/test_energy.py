@@ -104,8 +104,46 @@ def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     assert meter.speed_limit.tolist() == [SIMPLE_QUAD.rated_speed] * 12
 
 
-def test_physics_steps_are_taken_one_by_one_for_readings_alone(monkeypatch) -> None:
-    for readings, lengths in ((False, [5]), (True, [1] * 5)):
+def test_readings_are_recorded_in_one_call_or_one_by_one_with_the_same_bits(monkeypatch) -> None:
+    """Motors with a filter or a thermal model, and robots with warnings, are stepped one by one."""
+    rng = np.random.default_rng(0)
+    actions = HOME + rng.uniform(-0.6, 0.6, (40, 3, 12))
+    found = []
+    for in_one_call in (True, False):
+        env = SimpleQuadVectorEnv(3, "rough", readings=True, autoreset_mode="DISABLED", terminate_on_fall=True)
+        monkeypatch.setattr(env.simulation, "_records_all_steps", in_one_call)
+        calls: list[int] = []
+        true = env.simulation._step_physics
+        monkeypatch.setattr(env.simulation, "_step_physics", lambda ids, n: (calls.append(n), true(ids, n)))  # noqa: B023
+        env.reset(seed=3)
+        infos = [env.step(action)[4] for action in actions]
+        assert calls == ([] if in_one_call else [1] * 5 * len(actions))
+        found.append([info[name] for info in infos for name in (*JOINT_READINGS, "foot_impulse", "joint_position")])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("row", [slice(1, 2), slice(0, 2)])
+def test_robots_with_a_warning_are_stepped_one_by_one_with_the_same_bits(row: slice, monkeypatch) -> None:
+    """Robot 1 gets a velocity at which MuJoCo warns; the call stops stepping it, and is repeated step by step."""
+    found = []
+    for in_one_call in (True, False):
+        env = SimpleQuadVectorEnv(3, readings=True, autoreset_mode="DISABLED", terminate_on_fall=False)
+        monkeypatch.setattr(env.simulation, "_records_all_steps", in_one_call)
+        env.reset(seed=0)
+        action = np.tile(HOME, (3, 1))
+        env.step(action)
+        env.simulation.qvel[row, 8] = 1e11
+        infos = [env.step(action)[4] for _ in range(3)]
+        assert infos[0]["diverged"][row].all()
+        assert not infos[0]["diverged"][2]
+        found.append([info[name] for info in infos for name in (*JOINT_READINGS, "foot_impulse", "joint_position")])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_readings_alone_need_every_physics_step(monkeypatch) -> None:
+    for readings, lengths in ((False, [5]), (True, [])):
         env, taken = SimpleQuadVectorEnv(2, readings=readings), []
         env.reset(seed=0)
         true = env.simulation._step_physics
