@@ -68,6 +68,7 @@ def test_a_student_for_robots_has_measured_inputs_at_50_hz_and_randomised_hardwa
     assert (config.hold, config.clock, config.position_error) == (2, "constant", "none")
     assert_on_randomised_hardware(config.mixture)
     assert all(scenario(name).hardware for name in config.validation.scenarios)
+    assert config.folder.name == "simple_quad-deployable-0"
     assert distil.parse([*STUDENT, "--hold", "1", "--inputs.history", "3"]).inputs.history == 3
 
 

@@ -170,8 +170,8 @@ class DistillationConfig:
     """Train --seeds on a Ray cluster (pip install -e ".[cluster]"), each on --threads cores: at HOST:PORT, or without a
     value on a cluster that is started on this machine. The trained policies do not depend on it."""
     out: Path | None = None
-    """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED, or runs/ROBOT-sighted-SEED with
-    --sighted."""
+    """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED, runs/ROBOT-sighted-SEED with
+    --sighted, or runs/ROBOT-deployable-SEED with --observations deployable."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
@@ -236,7 +236,8 @@ class DistillationConfig:
     @property
     def folder(self) -> Path:
         """Folder of the run: `out`, or the default folder if `out` is None."""
-        name = f"{Path(self.robot).stem}-{self.policy_name}-{self.seed}"
+        kind = self.policy_name if self.observations == "all" else self.observations
+        name = f"{Path(self.robot).stem}-{kind}-{self.seed}"
         return self.out if self.out is not None else Path("runs") / name
 
     @property
