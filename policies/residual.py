@@ -65,8 +65,7 @@ class Features(PerRobotState):
         inputs: Past observations, averages and clock that are additional features; or the terms that are features.
         hold: Number of control steps for which the policy holds each correction, the interval of the values of terms.
 
-    Raises:
-        ValueError: `inputs` names terms, and the base policy is not a fixed pose or has a height scan.
+    Inputs with terms need a base policy that is a fixed pose without a height scan, else ValueError is raised.
     """
 
     ticks: Floats = per_robot(0.0)

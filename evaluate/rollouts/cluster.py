@@ -301,6 +301,9 @@ def _initialise(address: str | None, cores: int, folder: str | None) -> Any:
 
     Returns:
         The module `ray`.
+
+    Raises:
+        ClusterError: No cluster is usable at the address, or none can be started.
     """
     import ray
 

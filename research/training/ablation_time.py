@@ -97,7 +97,8 @@ def _measure_label(config: DistillationConfig) -> tuple[float, float]:
     """
     config = replace(config, round_steps=PILOT_ROUND_STEPS)
     teacher = make_teacher(config)
-    features = Features(make_pose(teacher.robot, config.height_scan), student_inputs(config, teacher))
+    pose = make_pose(teacher.robot, config.height_scan)
+    features = Features(pose, student_inputs(config, teacher), config.hold)
     authority = authority_of(teacher.robot, config.hip_authority, config.joint_authority)
     network = StudentNetwork([features.width, *config.fit.hidden, len(authority)], config.seed)
     labels = LabelStore(Path())

@@ -10,13 +10,12 @@ from typing import Annotated, Literal
 
 import tyro
 
-from evaluate.hardware import parse_robot_option
+from evaluate.hardware import HardwareConfig, parse_robot_option
 from policies import bundle
 from policies.external import onnx_file
 from policies.shipped import models_folder
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 NUM_CHECKED = 10_000
 """Number of random observations for the check of an ONNX file.
@@ -58,7 +57,7 @@ def main(options: ExportOptions) -> int:
 
 def _find_policy(folder: Path, robot: Robot | None) -> Path:
     """Return the folder of a policy: the `folder` itself, or the trained policy of the robot with this name."""
-    shipped = models_folder(robot or SIMPLE_QUAD) / folder.name
+    shipped = models_folder(robot or HardwareConfig().robot_model) / folder.name
     is_name = len(folder.parts) == 1 and not folder.exists() and shipped.is_dir()
     return shipped if is_name else folder
 

@@ -248,7 +248,8 @@ def _distil(options: RobotPipelineOptions) -> None:
 
 def _export(options: RobotPipelineOptions) -> None:
     """Export the student as an ONNX file."""
-    export.main(export.ExportOptions(_model_path(options, STUDENT), str(options.toml), options.onnx))
+    student = _model_path(options, STUDENT)
+    export.main(export.ExportOptions(folder=student, robot=str(options.toml), out=options.onnx))
 
 
 def _search(options: RobotPipelineOptions) -> None:
