@@ -24,6 +24,7 @@ COMMANDS = {
     "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
     "sliding": Command("research.studies.sliding", "feet that slide, and falls under pushes, by settings of contact"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
+    "severities": Command("research.studies.severities", "the severity of each axis that separates policies most"),
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
     "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
     "causes": Command("research.studies.causes", "rules of causes against episodes made to fail, and films of falls"),

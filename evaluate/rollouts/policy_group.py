@@ -1,12 +1,14 @@
-"""Rollout of several policies in one batch of robots, in which each policy controls its own rows.
+"""Rollout of several policies on several scenarios together, in which each policy controls its own rows.
 
-One large batch is simulated faster than several small batches. The episodes of each policy are bit-identical to the
-episodes of a rollout of this policy alone.
+The robots of a scenario are one batch, and a policy acts on its robots of all scenarios in one call. Both are faster
+than several small batches. The episodes of each policy are bit-identical to the episodes of a rollout of this policy
+alone on this scenario.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +16,31 @@ from numpy.typing import NDArray
 from evaluate.hardware import IDEAL, HardwareConfig, ServosByRow
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
-from evaluate.rollouts.observers import Step
-from policies.base import Floats, Policy
+from policies.base import Actions, Floats, Policy
 from quad_env.cli.launcher import is_out_of_memory
 from quad_env.envs.arguments import check_joint_targets
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 
-@dataclass
-class GroupMember:
-    """Policy of a group, with the range of its rows and the state of its episodes."""
+class GroupEntry(NamedTuple):
+    """Episodes of one policy on one scenario that a group simulates."""
 
     policy: Policy
-    rows: slice
-    """Range of the rows (robots) that the policy controls."""
+    """Policy that controls the robots. Several entries may have the same object."""
+    scenario: Scenario
+    """Scenario of the episodes."""
+    seeds: NDArray[np.int64]
+    """Seeds of the n episodes, (n,)."""
+
+
+@dataclass
+class GroupMember:
+    """Policy of a group, with its rows and the state of its episodes."""
+
+    policy: Policy
+    rows: NDArray[np.int64]
+    """Indices of the k rows (robots of all scenarios) that the policy controls, (k,)."""
     error: Exception | None = None
     """Exception that the policy has raised; None if it has raised none."""
     has_fallen: bool = False
@@ -51,7 +63,7 @@ class GroupMember:
 
 
 class PolicyGroup(Policy):
-    """Several policies (members) that run as one policy; each member controls its own range of robots.
+    """Several policies (members) that run as one policy; each member controls its own robots.
 
     The robots of a member that raises an exception get the home pose as joint targets, and the other members go on. A
     member is not called any more when all of its robots have fallen.
@@ -59,22 +71,18 @@ class PolicyGroup(Policy):
     Args:
         policies: Members, with the same robot except for the servo gains, and with the same control period, height scan
             and observation terms.
-        counts: Number of robots of each member, in the order of the rows.
+        rows: Indices of the k rows (robots) of each member, (k,).
         robot: Robot of the group. Its servo gains have no effect.
     """
 
     name = "group"
 
-    def __init__(self, policies: Sequence[Policy], counts: Sequence[int], robot: Robot) -> None:
+    def __init__(self, policies: Sequence[Policy], rows: Sequence[NDArray[np.int64]], robot: Robot) -> None:
         first = policies[0]
         super().__init__(robot=robot, control_period=first.control_period)
         self.height_scan = first.height_scan
         self.observations = first.observations
-        ends = np.cumsum(counts).tolist()
-        self.members = [
-            GroupMember(policy, slice(end - count, end))
-            for policy, count, end in zip(policies, counts, ends, strict=True)
-        ]
+        self.members = [GroupMember(policy, own_rows) for policy, own_rows in zip(policies, rows, strict=True)]
 
     @property
     def stopped(self) -> NDArray[np.bool_] | None:
@@ -110,17 +118,21 @@ class PolicyGroup(Policy):
         super().reset(num_envs, seed)
         for member in self.members:
             with member.record_error():
-                member.policy.reset(num_envs=member.rows.stop - member.rows.start, seed=seed)
+                member.policy.reset(num_envs=len(member.rows), seed=seed)
 
-    def observe(self, step: Step) -> bool:
-        """Record which members have no more robots to control; return True if no member has any.
+    def observe(self, has_fallen: NDArray[np.bool_]) -> None:
+        """Record which members have no more robots to control.
 
-        The method is an observer of the rollout.
+        Args:
+            has_fallen: True for robots that have fallen, or that have a diverged simulation, (n,).
         """
-        has_fallen = (step.infos["fall"] > 0) | step.infos["diverged"]
         for member in self.members:
             member.has_fallen = bool(has_fallen[member.rows].all())
-        return not any(member.is_active for member in self.members)
+
+    @property
+    def is_active(self) -> bool:
+        """True if a member still has robots to control."""
+        return any(member.is_active for member in self.members)
 
     def _act(self, observation: NDArray[np.float32]) -> Floats:  # type: ignore[override]
         robot = self.robot
@@ -140,51 +152,167 @@ class PolicyGroup(Policy):
         return rows
 
 
+class _PolicySignals:
+    """Recorded signals of a group's policies on the robots of one scenario."""
+
+    def __init__(self, group: PolicyGroup, rows: slice) -> None:
+        self._group = group
+        self._rows = rows
+
+    @property
+    def stopped(self) -> NDArray[np.bool_] | None:
+        """True for robots that the safety layer of their policy stops, (n,); None if no policy has a safety layer."""
+        stopped = self._group.stopped
+        return None if stopped is None else stopped[self._rows]
+
+
+class _ScenarioBatch:
+    """Robots of all policies on one scenario, with the recorder of their episodes.
+
+    Args:
+        entries: Index of an entry -> policy with scenario and seeds, in the order of the robots. All have the same
+            scenario.
+        first_row: Index of the first robot among the robots of all scenarios.
+        hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
+    """
+
+    def __init__(self, entries: Mapping[int, GroupEntry], first_row: int, hardware: HardwareConfig) -> None:
+        self.scenario = next(iter(entries.values())).scenario
+        counts = [len(entry.seeds) for entry in entries.values()]
+        ends = np.cumsum(counts).tolist()
+        self.seeds = np.concatenate([entry.seeds for entry in entries.values()])
+        self.rows = slice(first_row, first_row + ends[-1])
+        """Range of the robots among the robots of all scenarios."""
+        self.entry_rows = {
+            index: slice(end - count, end) for index, count, end in zip(entries, counts, ends, strict=True)
+        }
+        """Index of an entry -> range of its robots in this batch."""
+        gains = np.repeat(np.array([entry.policy.robot.gains for entry in entries.values()]), counts, axis=0)
+        self.servos = ServosByRow(**vars(hardware), gains=gains.transpose(1, 0, 2))
+        self.has_ended = False
+        """True if the episodes of all robots have ended."""
+
+    def start(self, group: PolicyGroup, *, nthread: int, steps: int) -> None:
+        """Make the environment, and start an episode for each seed.
+
+        Args:
+            group: Policies of all scenarios.
+            nthread: Number of threads with which the robots are simulated.
+            steps: Maximum number of control steps of an episode.
+        """
+        count = len(self.seeds)
+        env = rollout.make_env(group, self.scenario, count, steps=steps, nthread=nthread, hardware=self.servos)
+        self.env = env
+        group.check_compatible(env.robot, env.dt)
+        self.recorder = rollout.EpisodeRecorder(_PolicySignals(group, self.rows), self.seeds, steps)
+        self.step = rollout.reset_episodes(env, self.seeds, None)
+
+    def advance(self, actions: Actions) -> None:
+        """Simulate one control step with the `actions` of the robots of all scenarios, (m, 12), rad, and record it."""
+        self.step, self.has_ended = rollout.advance(self.step, actions[self.rows])
+        self.recorder(self.step)
+
+    @property
+    def has_fallen(self) -> NDArray[np.bool_]:
+        """True for robots that have fallen, or that have a diverged simulation, (n,)."""
+        return np.asarray((self.step.infos["fall"] > 0) | self.step.infos["diverged"])
+
+
 def run_group(
-    policies: Sequence[Policy],
-    scenario: Scenario,
-    seeds: Sequence[NDArray[np.int64]],
+    entries: Sequence[GroupEntry],
     *,
     nthread: int = 1,
     steps: int,
     progress: rollout.Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes | Exception]:
-    """Run episodes of several policies in one batch of robots, and record the signals of all control steps.
+    """Run episodes of several policies on several scenarios together, and record the signals of all control steps.
 
     Args:
-        policies: Different policy objects, which need the same environment except for the servo gains.
-        scenario: Scenario of all episodes.
-        seeds: Seeds of the episodes of each policy.
+        entries: Policies with scenarios and seeds. No policy object occurs twice on one scenario. The policies need the
+            same environment except for the servo gains.
         nthread: Number of threads with which the robots are simulated.
         steps: Maximum number of control steps of an episode.
         progress: Function that receives the finished fraction, 0 … 1.
         hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
 
     Returns:
-        For each policy its recorded episodes, or the exception that it has raised.
+        For each entry its recorded episodes, or the exception that its policy has raised.
     """
-    counts = [len(each) for each in seeds]
-    gains = np.repeat(np.array([policy.robot.gains for policy in policies]), counts, axis=0).transpose(1, 0, 2)
-    servos = ServosByRow(**vars(hardware), gains=gains)
-    group = PolicyGroup(policies, counts, servos.mean_robot())
-    episodes = rollout.run(
-        group,
-        scenario,
-        np.concatenate(seeds),
-        nthread=nthread,
-        steps=steps,
-        progress=progress,
-        hardware=servos,
-        observers=(group.observe,),
-    )
-    return [_result(member, episodes) for member in group.members]
+    batches = _make_batches(entries, hardware)
+    group = _make_group(entries, batches)
+    _simulate(group, batches, nthread=nthread, steps=steps, progress=progress)
+    members = {id(member.policy): member for member in group.members}
+    results: dict[int, Episodes | Exception] = {}
+    for batch in batches:
+        episodes = batch.recorder.episodes()
+        for index, rows in batch.entry_rows.items():
+            results[index] = _result(members[id(entries[index].policy)], rows, episodes)
+    return [results[index] for index in range(len(entries))]
 
 
-def _result(member: GroupMember, episodes: Episodes) -> Episodes | Exception:
-    """Return the episodes of a `member` among the `episodes` of its group, or the exception that it has raised."""
+def _make_batches(entries: Sequence[GroupEntry], hardware: HardwareConfig) -> list[_ScenarioBatch]:
+    """Return a batch for each scenario of the `entries`, in the order of their first entries."""
+    by_scenario: dict[int, dict[int, GroupEntry]] = {}
+    for index, entry in enumerate(entries):
+        by_scenario.setdefault(id(entry.scenario), {})[index] = entry
+    batches: list[_ScenarioBatch] = []
+    for entries_by_index in by_scenario.values():
+        first_row = batches[-1].rows.stop if batches else 0
+        batches.append(_ScenarioBatch(entries_by_index, first_row, hardware))
+    return batches
+
+
+def _make_group(entries: Sequence[GroupEntry], batches: Sequence[_ScenarioBatch]) -> PolicyGroup:
+    """Return the policies of all `entries` as one policy for the robots of all `batches`."""
+    policies: dict[int, Policy] = {}
+    rows: dict[int, list[NDArray[np.int64]]] = {}
+    for batch in batches:
+        for index, own_rows in batch.entry_rows.items():
+            policy = entries[index].policy
+            policies[id(policy)] = policy
+            first_row = batch.rows.start
+            rows.setdefault(id(policy), []).append(np.arange(first_row + own_rows.start, first_row + own_rows.stop))
+    robot = batches[0].servos.mean_robot()
+    return PolicyGroup(list(policies.values()), [np.concatenate(rows[key]) for key in policies], robot)
+
+
+def _simulate(
+    group: PolicyGroup, batches: Sequence[_ScenarioBatch], *, nthread: int, steps: int, progress: rollout.Progress
+) -> None:
+    """Simulate all batches step by step, until all episodes end or no policy has a robot to control.
+
+    Args:
+        group: Policies of all batches.
+        batches: Robots of each scenario.
+        nthread: Number of threads with which the robots are simulated.
+        steps: Maximum number of control steps of an episode.
+        progress: Function that receives the finished fraction, 0 … 1.
+    """
+    with ExitStack() as stack:
+        for batch in batches:
+            batch.start(group, nthread=nthread, steps=steps)
+            stack.enter_context(closing(batch.env))
+        group.reset(num_envs=batches[-1].rows.stop, seed=0)
+        for batch in batches:
+            batch.recorder(batch.step)
+        for number in range(steps):
+            if number % rollout.REPORT_PERIOD == 0:
+                progress(number / steps)
+            active = [batch for batch in batches if not batch.has_ended]
+            if not active or not group.is_active:
+                break
+            actions = group.act(np.concatenate([batch.step.observation for batch in batches]))
+            for batch in active:
+                batch.advance(actions)
+            group.observe(np.concatenate([batch.has_fallen for batch in batches]))
+    progress(1.0)
+
+
+def _result(member: GroupMember, rows: slice, episodes: Episodes) -> Episodes | Exception:
+    """Return the episodes in the `rows` of a `member` on a scenario, or the exception that it has raised."""
     if member.error is not None:
         return member.error
-    selected = episodes.select(member.rows, episodes.robot.with_servo(*member.policy.robot.gains))
+    selected = episodes.select(rows, episodes.robot.with_servo(*member.policy.robot.gains))
     has_signal = getattr(member.policy, "stopped", None) is not None
     return selected if has_signal else selected.without_policy_signals()

@@ -239,9 +239,15 @@ def run(
 
 
 class EpisodeRecorder:
-    """Observer of a rollout that records the signals of n episodes, one row for each control step."""
+    """Observer of a rollout that records the signals of n episodes, one row for each control step.
 
-    def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
+    Args:
+        policy: Policy, or another object with its signals as attributes; None to record no signals of the policy.
+        seeds: Seeds of the episodes, (n,).
+        steps: Maximum number of control steps of an episode.
+    """
+
+    def __init__(self, policy: object, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy = policy
         self._seeds = seeds
         self._steps = steps

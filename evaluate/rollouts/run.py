@@ -18,7 +18,7 @@ from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.policy_group import run_group
+from evaluate.rollouts.policy_group import GroupEntry, run_group
 from evaluate.rollouts.task_groups import TaskGroup, group_tasks
 from quad_env.cli.launcher import is_out_of_memory
 from quad_env.cli.progress import CellProgress
@@ -180,7 +180,7 @@ class GroupResult:
 
 
 def simulate_group(tasks: Sequence[Task], nthread: int, progress: Callable[[float], None]) -> GroupResult:
-    """Simulate and measure the episodes of a group of tasks in one batch.
+    """Simulate and measure the episodes of a group of tasks together.
 
     If the memory is not sufficient, each task is simulated on its own.
 
@@ -209,12 +209,10 @@ def _suppress_out_of_memory() -> Iterator[None]:
 
 
 def _simulate_together(tasks: Sequence[Task], nthread: int, progress: Callable[[float], None]) -> GroupResult:
-    """Simulate and measure the episodes of several tasks in one batch; see `simulate_group`."""
+    """Simulate and measure the episodes of several tasks together; see `simulate_group`."""
     first = tasks[0]
     results = run_group(
-        [task.policy.policy_for(task.scenario) for task in tasks],
-        first.scenario,
-        [task.seeds for task in tasks],
+        [GroupEntry(task.policy.policy_for(task.scenario), task.scenario, task.seeds) for task in tasks],
         nthread=nthread,
         steps=first.steps,
         progress=_below_one(progress),

@@ -1,4 +1,4 @@
-"""Groups of tasks that are simulated in one batch: the same scenario with several policies."""
+"""Groups of tasks that are simulated together: several policies on several scenarios."""
 
 from collections.abc import Hashable, Sequence
 
@@ -8,14 +8,15 @@ from policies.external import ExternalPolicy
 from quad_env.physics.simulators import SIMULATOR_FEATURES
 
 TaskGroup = tuple[int, ...]
-"""Indices of tasks that are simulated in one batch, in ascending order."""
+"""Indices of tasks that are simulated together, in ascending order."""
 
 
 def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
-    """Divide tasks into groups; the tasks of a group are simulated in one batch.
+    """Divide tasks into groups; the tasks of a group are simulated together.
 
-    The tasks of a group have the same scenario, different policies, and policies that need the same environment except
-    for the servo gains. An external policy runs alone, because the other policies would wait for its process.
+    The tasks of a group have policies that need the same environment except for the servo gains. No policy runs twice
+    on one scenario. All scenarios of a group have the hardware profile, or none has it. An external policy runs alone,
+    because the other policies would wait for its process.
 
     Args:
         tasks: Tasks of a run.
@@ -39,10 +40,15 @@ def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
 
 
 def _has_room(tasks: Sequence[Task], group: Sequence[int], task: Task, max_rows: int) -> bool:
-    """Return True if the `task` can join a group without the same policy and with at most `max_rows` episodes."""
+    """Return True if the `task` can join a group: it has at most `max_rows` episodes, and each cell only once."""
     members = [tasks[index] for index in group]
     rows = sum(len(member.seeds) for member in (*members, task))
-    return rows <= max_rows and all(_policy(member) is not _policy(task) for member in members)
+    return rows <= max_rows and all(_cell(member) != _cell(task) for member in members)
+
+
+def _cell(task: Task) -> tuple[int, int]:
+    """Return the identity of the policy object and of the scenario of a `task`."""
+    return id(_policy(task)), id(task.scenario)
 
 
 def _policy(task: Task) -> Policy:
@@ -51,7 +57,7 @@ def _policy(task: Task) -> Policy:
 
 
 def _environment(task: Task) -> Hashable | None:
-    """Return a key that is equal for tasks that can run in one batch; None if the task runs alone."""
+    """Return a key that is equal for tasks that can run together; None if the task runs alone."""
     policy = _policy(task)
     if is_external(policy):
         return None
@@ -59,7 +65,7 @@ def _environment(task: Task) -> Hashable | None:
     # Drake gives all robots the servo gains of the model.
     gains = b"" if SIMULATOR_FEATURES[simulator].per_env_servo_gains else policy.robot.gains.tobytes()
     needs = (policy.control_period, policy.height_scan, policy.observations, gains)
-    return id(task.scenario), task.steps, task.hardware, needs
+    return task.scenario.hardware, task.steps, task.hardware, needs
 
 
 def is_external(policy: Policy) -> bool:
