@@ -22,7 +22,7 @@ def short_episodes(patch: pytest.MonkeyPatch, steps: int) -> None:
 
 def replace_simulation(patch: pytest.MonkeyPatch, simulate: Callable[..., Any]) -> None:
     """Call `simulate` in place of the function that simulates the episodes of the evaluator."""
-    patch.setattr(rollout, "run", simulate)
+    patch.setattr(rollout, "run_scenarios", simulate)
 
 
 def full_disk(patch: pytest.MonkeyPatch, *names: str) -> None:

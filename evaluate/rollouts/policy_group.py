@@ -6,7 +6,7 @@ alone on this scenario.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evaluate.hardware import IDEAL, HardwareConfig, ServosByRow
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
-from policies.base import Actions, Floats, Policy
+from policies.base import Floats, Policy
 from quad_env.cli.launcher import is_out_of_memory
 from quad_env.envs.arguments import check_joint_targets
 from quad_env.robots.robot import Robot
@@ -120,19 +120,15 @@ class PolicyGroup(Policy):
             with member.record_error():
                 member.policy.reset(num_envs=len(member.rows), seed=seed)
 
-    def observe(self, has_fallen: NDArray[np.bool_]) -> None:
-        """Record which members have no more robots to control.
+    def observe(self, has_fallen: NDArray[np.bool_]) -> bool:
+        """Record which members have no more robots to control; return True if no member has any.
 
         Args:
             has_fallen: True for robots that have fallen, or that have a diverged simulation, (n,).
         """
         for member in self.members:
             member.has_fallen = bool(has_fallen[member.rows].all())
-
-    @property
-    def is_active(self) -> bool:
-        """True if a member still has robots to control."""
-        return any(member.is_active for member in self.members)
+        return not any(member.is_active for member in self.members)
 
     def _act(self, observation: NDArray[np.float32]) -> Floats:  # type: ignore[override]
         robot = self.robot
@@ -152,22 +148,8 @@ class PolicyGroup(Policy):
         return rows
 
 
-class _PolicySignals:
-    """Recorded signals of a group's policies on the robots of one scenario."""
-
-    def __init__(self, group: PolicyGroup, rows: slice) -> None:
-        self._group = group
-        self._rows = rows
-
-    @property
-    def stopped(self) -> NDArray[np.bool_] | None:
-        """True for robots that the safety layer of their policy stops, (n,); None if no policy has a safety layer."""
-        stopped = self._group.stopped
-        return None if stopped is None else stopped[self._rows]
-
-
 class _ScenarioBatch:
-    """Robots of all policies on one scenario, with the recorder of their episodes.
+    """Rows of all policies on one scenario.
 
     Args:
         entries: Index of an entry -> policy with scenario and seeds, in the order of the robots. All have the same
@@ -177,10 +159,8 @@ class _ScenarioBatch:
     """
 
     def __init__(self, entries: Mapping[int, GroupEntry], first_row: int, hardware: HardwareConfig) -> None:
-        self.scenario = next(iter(entries.values())).scenario
         counts = [len(entry.seeds) for entry in entries.values()]
         ends = np.cumsum(counts).tolist()
-        self.seeds = np.concatenate([entry.seeds for entry in entries.values()])
         self.rows = slice(first_row, first_row + ends[-1])
         """Range of the robots among the robots of all scenarios."""
         self.entry_rows = {
@@ -189,33 +169,9 @@ class _ScenarioBatch:
         """Index of an entry -> range of its robots in this batch."""
         gains = np.repeat(np.array([entry.policy.robot.gains for entry in entries.values()]), counts, axis=0)
         self.servos = ServosByRow(**vars(hardware), gains=gains.transpose(1, 0, 2))
-        self.has_ended = False
-        """True if the episodes of all robots have ended."""
-
-    def start(self, group: PolicyGroup, *, nthread: int, steps: int) -> None:
-        """Make the environment, and start an episode for each seed.
-
-        Args:
-            group: Policies of all scenarios.
-            nthread: Number of threads with which the robots are simulated.
-            steps: Maximum number of control steps of an episode.
-        """
-        count = len(self.seeds)
-        env = rollout.make_env(group, self.scenario, count, steps=steps, nthread=nthread, hardware=self.servos)
-        self.env = env
-        group.check_compatible(env.robot, env.dt)
-        self.recorder = rollout.EpisodeRecorder(_PolicySignals(group, self.rows), self.seeds, steps)
-        self.step = rollout.reset_episodes(env, self.seeds, None)
-
-    def advance(self, actions: Actions) -> None:
-        """Simulate one control step with the `actions` of the robots of all scenarios, (m, 12), rad, and record it."""
-        self.step, self.has_ended = rollout.advance(self.step, actions[self.rows])
-        self.recorder(self.step)
-
-    @property
-    def has_fallen(self) -> NDArray[np.bool_]:
-        """True for robots that have fallen, or that have a diverged simulation, (n,)."""
-        return np.asarray((self.step.infos["fall"] > 0) | self.step.infos["diverged"])
+        seeds = np.concatenate([entry.seeds for entry in entries.values()])
+        self.episodes = rollout.ScenarioEpisodes(next(iter(entries.values())).scenario, seeds, self.servos)
+        """Scenario and seeds of all robots."""
 
 
 def run_group(
@@ -241,11 +197,17 @@ def run_group(
     """
     batches = _make_batches(entries, hardware)
     group = _make_group(entries, batches)
-    _simulate(group, batches, nthread=nthread, steps=steps, progress=progress)
+    recorded = rollout.run_scenarios(
+        group,
+        [batch.episodes for batch in batches],
+        nthread=nthread,
+        steps=steps,
+        progress=progress,
+        observe_falls=group.observe,
+    )
     members = {id(member.policy): member for member in group.members}
     results: dict[int, Episodes | Exception] = {}
-    for batch in batches:
-        episodes = batch.recorder.episodes()
+    for batch, episodes in zip(batches, recorded, strict=True):
         for index, rows in batch.entry_rows.items():
             results[index] = _result(members[id(entries[index].policy)], rows, episodes)
     return [results[index] for index in range(len(entries))]
@@ -275,38 +237,6 @@ def _make_group(entries: Sequence[GroupEntry], batches: Sequence[_ScenarioBatch]
             rows.setdefault(id(policy), []).append(np.arange(first_row + own_rows.start, first_row + own_rows.stop))
     robot = batches[0].servos.mean_robot()
     return PolicyGroup(list(policies.values()), [np.concatenate(rows[key]) for key in policies], robot)
-
-
-def _simulate(
-    group: PolicyGroup, batches: Sequence[_ScenarioBatch], *, nthread: int, steps: int, progress: rollout.Progress
-) -> None:
-    """Simulate all batches step by step, until all episodes end or no policy has a robot to control.
-
-    Args:
-        group: Policies of all batches.
-        batches: Robots of each scenario.
-        nthread: Number of threads with which the robots are simulated.
-        steps: Maximum number of control steps of an episode.
-        progress: Function that receives the finished fraction, 0 … 1.
-    """
-    with ExitStack() as stack:
-        for batch in batches:
-            batch.start(group, nthread=nthread, steps=steps)
-            stack.enter_context(closing(batch.env))
-        group.reset(num_envs=batches[-1].rows.stop, seed=0)
-        for batch in batches:
-            batch.recorder(batch.step)
-        for number in range(steps):
-            if number % rollout.REPORT_PERIOD == 0:
-                progress(number / steps)
-            active = [batch for batch in batches if not batch.has_ended]
-            if not active or not group.is_active:
-                break
-            actions = group.act(np.concatenate([batch.step.observation for batch in batches]))
-            for batch in active:
-                batch.advance(actions)
-            group.observe(np.concatenate([batch.has_fallen for batch in batches]))
-    progress(1.0)
 
 
 def _result(member: GroupMember, rows: slice, episodes: Episodes) -> Episodes | Exception:

@@ -4,8 +4,8 @@ Each robot runs exactly one episode. If fallen robots were restarted, short epis
 """
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
-from typing import TYPE_CHECKING
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -201,6 +201,17 @@ def advance(step: Step, action: Actions) -> tuple[Step, bool]:
     return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())
 
 
+class ScenarioEpisodes(NamedTuple):
+    """Episodes to simulate on one scenario."""
+
+    scenario: str | Scenario
+    """Scenario or its name."""
+    seeds: NDArray[np.int64]
+    """Seeds of the n episodes, (n,)."""
+    hardware: HardwareConfig = IDEAL
+    """Names of robot, servo gains, motor model, sensor model, state estimator and simulator."""
+
+
 def run(
     policy: Policy,
     scenario: str | Scenario,
@@ -210,7 +221,6 @@ def run(
     steps: int = STEPS,
     progress: Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
-    observers: Sequence[Observer] = (),
 ) -> Episodes:
     """Run one episode of a policy for each seed, and record the signals of all control steps.
 
@@ -222,33 +232,114 @@ def run(
         steps: Maximum number of control steps of an episode.
         progress: Function that receives the finished fraction, 0 … 1.
         hardware: Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
-        observers: Further functions that receive the start and every control step; see `Observer`.
 
     Returns:
         The recorded signals of all episodes.
     """
-    recorder = EpisodeRecorder(policy, seeds, steps)
+    batch = ScenarioEpisodes(scenario, seeds, hardware)
+    (episodes,) = run_scenarios(policy, [batch], nthread=nthread, steps=steps, progress=progress)
+    return episodes
 
-    def report(step: Step) -> None:
-        if step.number < steps and step.number % REPORT_PERIOD == 0:
-            progress(step.number / steps)
 
-    roll_out(policy, scenario, seeds, recorder, report, *observers, steps=steps, nthread=nthread, hardware=hardware)
+def run_scenarios(
+    policy: Policy,
+    batches: Sequence[ScenarioEpisodes],
+    *,
+    nthread: int = 1,
+    steps: int = STEPS,
+    progress: Progress = lambda _: None,
+    observe_falls: Callable[[NDArray[np.bool_]], bool] = lambda _: False,
+) -> list[Episodes]:
+    """Run the episodes of a policy on several scenarios together, and record the signals of all control steps.
+
+    In each control step, one call of the policy gives the actions of all robots, ordered by scenario. A call for each
+    scenario would be slower, because the time of a call depends little on the number of robots.
+
+    Args:
+        policy: Policy that controls all robots.
+        batches: Episodes on each scenario.
+        nthread: Number of threads with which the robots are simulated.
+        steps: Maximum number of control steps of an episode.
+        progress: Function that receives the finished fraction, 0 … 1.
+        observe_falls: Function that is called at the start and after each control step. It receives True for robots
+            that have fallen or have a diverged simulation, (m,). It returns True to end the episodes.
+
+    Returns:
+        The recorded signals of the episodes on each scenario.
+    """
+    with ExitStack() as stack:
+        running = []
+        first_row = 0
+        for batch in batches:
+            running.append(_RunningBatch(policy, batch, first_row, nthread=nthread, steps=steps))
+            stack.enter_context(closing(running[-1].env))
+            policy.check_compatible(running[-1].env.robot, running[-1].env.dt)
+            first_row += len(batch.seeds)
+        for each in running:
+            each.reset()
+        policy.reset(num_envs=first_row, seed=0)
+        for number in range(steps):
+            if number % REPORT_PERIOD == 0:
+                progress(number / steps)
+            active = [each for each in running if not each.has_ended]
+            if observe_falls(np.concatenate([each.has_fallen for each in running])) or not active:
+                break
+            actions = policy.act(np.concatenate([each.step.observation for each in running]))
+            for each in active:
+                each.advance(actions)
     progress(1.0)
-    return recorder.episodes()
+    return [each.recorder.episodes() for each in running]
+
+
+class _RunningBatch:
+    """Running episodes on one scenario, with the recorder of their signals.
+
+    Args:
+        policy: Policy that controls the robots of all scenarios.
+        batch: Scenario and seeds of the n episodes.
+        first_row: Index of the first robot among the robots of all scenarios.
+        nthread: Number of threads with which the robots are simulated.
+        steps: Maximum number of control steps of an episode.
+    """
+
+    def __init__(self, policy: Policy, batch: ScenarioEpisodes, first_row: int, *, nthread: int, steps: int) -> None:
+        scenario, seeds, hardware = batch
+        self.env = make_env(policy, scenario, len(seeds), steps=steps, nthread=nthread, hardware=hardware)
+        self._seeds = seeds
+        self._rows = slice(first_row, first_row + len(seeds))
+        self.recorder = EpisodeRecorder(policy, seeds, steps, self._rows)
+        self.has_ended = False
+        """True if the episodes of all robots have ended."""
+
+    def reset(self) -> None:
+        """Start an episode for each seed."""
+        self.step = reset_episodes(self.env, self._seeds, None)
+        self.recorder(self.step)
+
+    def advance(self, actions: Actions) -> None:
+        """Simulate one control step with the `actions` of the robots of all scenarios, (m, 12), rad, and record it."""
+        self.step, self.has_ended = advance(self.step, actions[self._rows])
+        self.recorder(self.step)
+
+    @property
+    def has_fallen(self) -> NDArray[np.bool_]:
+        """True for robots that have fallen, or that have a diverged simulation, (n,)."""
+        return np.asarray((self.step.infos["fall"] > 0) | self.step.infos["diverged"])
 
 
 class EpisodeRecorder:
     """Observer of a rollout that records the signals of n episodes, one row for each control step.
 
     Args:
-        policy: Policy, or another object with its signals as attributes; None to record no signals of the policy.
+        policy: Policy; None to record no signals of the policy.
         seeds: Seeds of the episodes, (n,).
         steps: Maximum number of control steps of an episode.
+        rows: Range of the n robots among the robots of the policy.
     """
 
-    def __init__(self, policy: object, seeds: NDArray[np.int64], steps: int) -> None:
+    def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int, rows: slice = slice(None)) -> None:
         self._policy = policy
+        self._rows = rows
         self._seeds = seeds
         self._steps = steps
         self.falls = FallRecorder(len(seeds), steps)
@@ -265,7 +356,8 @@ class EpisodeRecorder:
         self.falls(step)
         values = step.infos | {OBSERVED_SIGNAL: step.observation[:, self._observed_ids]}
         for name, signal in self._signals.items():
-            signal[step.number - 1] = getattr(self._policy, name) if name in POLICY_SIGNALS else values[name]
+            is_of_policy = name in POLICY_SIGNALS
+            signal[step.number - 1] = getattr(self._policy, name)[self._rows] if is_of_policy else values[name]
 
     def _allocate(self, start: Step) -> None:
         """Allocate an array for each signal that the environment and the policy provide."""
@@ -286,7 +378,7 @@ class EpisodeRecorder:
         """Record the errors that the policy reports in a control `step`, for robots that have not fallen."""
         if (failure := getattr(self._policy, "failure", None)) is None:
             return
-        self._failure = np.where(self.falls.fell, self._failure, failure)
+        self._failure = np.where(self.falls.fell, self._failure, failure[self._rows])
         has_failed = [reason is not None for reason in self._failure]
         np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=has_failed)
 

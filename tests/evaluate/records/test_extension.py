@@ -15,7 +15,7 @@ from tests.evaluate.records.test_resume import OUTCOME, STEPS, a_page, assert_sa
 from tests.seams import replace_report, replace_simulation
 
 SCENARIOS = ("--scenarios", "flat", "push:4", "--seed", "2", "--threads", "1")
-SIMULATE = rollout.run
+SIMULATE = rollout.run_scenarios
 
 
 def evaluate(*arguments: object) -> tuple[int, str]:
@@ -34,12 +34,12 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """Return a list that gets the policy and the number of episodes of every simulation."""
+    """Return a list that gets the policy and the number of episodes of every scenario of every simulation."""
     batches: list[tuple[str, int]] = []
 
-    def simulate(policy, scenario, seeds, **settings):
-        batches.append((type(policy).__name__, len(seeds)))
-        return SIMULATE(policy, scenario, seeds, **settings)
+    def simulate(policy, scenarios, **settings):
+        batches.extend((type(policy).__name__, len(each.seeds)) for each in scenarios)
+        return SIMULATE(policy, scenarios, **settings)
 
     replace_simulation(monkeypatch, simulate)
     return batches
@@ -98,17 +98,18 @@ def test_policies_and_episodes_are_added_together_also_after_an_interruption(
     one_policy, whole, tmp_path, monkeypatch
 ) -> None:
     few = run_of(tmp_path / "few", ("stand",), 3)
-    calls = []
+    calls: list[int] = []
+    more = ("--add", "crouch", "--episodes", 4, "--threads", 1)
 
-    def interrupt(policy, scenario, seeds, **settings):
-        calls.append(len(seeds))
-        if len(calls) == 2:  # each scenario is one batch of both policies
+    def interrupt(policy, scenarios, **settings):
+        calls.append(len(scenarios))
+        if len(calls) == 2:
             raise KeyboardInterrupt
-        return SIMULATE(policy, scenario, seeds, **settings)
+        return SIMULATE(policy, scenarios, **settings)
 
     with monkeypatch.context() as patch:
         replace_simulation(patch, interrupt)
-        assert evaluate("--add", "crouch", "--episodes", 4, "--threads", 1, "--out", few)[0] == 130
+        assert evaluate(*more, "--at-once", 5, "--out", few)[0] == 130  # the scenarios in two batches
     assert not read_run(few).complete
     code, error = evaluate("--resume", "--threads", 1, "--out", few)
     assert code == 0, error

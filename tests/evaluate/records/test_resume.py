@@ -124,15 +124,15 @@ def unfinished(whole: Path, folder: Path) -> Path:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list that receives the number of episodes of each rollout."""
+    """Return a list that receives the number of episodes of each scenario of each rollout."""
     simulated: list[int] = []
-    run = rollout.run
+    run = rollout.run_scenarios
 
-    def noted(policy, scenario, seeds, **options):
-        simulated.append(len(seeds))
-        return run(policy, scenario, seeds, **options)
+    def noted(policy, batches, **options):
+        simulated.extend(len(batch.seeds) for batch in batches)
+        return run(policy, batches, **options)
 
-    monkeypatch.setattr(rollout, "run", noted)
+    replace_simulation(monkeypatch, noted)
     return simulated
 
 
@@ -222,7 +222,7 @@ def test_a_damaged_part_is_done_again(tmp_path, whole, damage) -> None:
 
 def test_a_finished_run_is_finished_and_its_report_made_again_without_simulating(tmp_path, whole, monkeypatch) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
-    monkeypatch.setattr(rollout, "run", None)
+    replace_simulation(monkeypatch, full)
     code, error = evaluate("--resume", "--out", tmp_path)
     assert (code, "nothing is left" in error) == (0, True)
     assert_same(tmp_path, whole)

@@ -14,7 +14,7 @@ from evaluate.rollouts import rollout
 from evaluate.statistics.sequential import correction
 from quad_env.files.writing import write_atomically
 from tests.evaluate.records.test_resume import a_page, assert_same, evaluate, full
-from tests.seams import full_disk, replace_report
+from tests.seams import full_disk, replace_report, replace_simulation
 
 RUN = ("stand", "trot", "--scenarios", "flat", "push:4", "--until", "settled", "--episodes", "16", "--seed", "2")
 ONE = ("--threads", "1", "--out")
@@ -97,25 +97,25 @@ def test_one_that_dies_while_it_ends_goes_on_to_the_same_files(settled, tmp_path
     full_disk(monkeypatch, "results.json", "episodes.parquet", "report.html")
     assert evaluate(*RUN, *ONE, tmp_path)[0] == 2
     monkeypatch.undo()
-    monkeypatch.setattr(rollout, "run", None)
+    replace_simulation(monkeypatch, full)
     code, said = evaluate("--resume", "--out", tmp_path)
     assert (code, "nothing is left" in said) == (0, True)
     assert_same(tmp_path, settled[0])
 
 
 def test_ctrl_c_leaves_the_last_look(settled, tmp_path, monkeypatch) -> None:
-    left, run = iter(range(3)), rollout.run  # the first look is one batch of both policies per scenario
+    left, run = iter(range(1)), rollout.run_scenarios  # the first look is one rollout of both policies and scenarios
 
     def interrupted(*words, **options):
         if next(left, None) is None:
             raise KeyboardInterrupt
         return run(*words, **options)
 
-    monkeypatch.setattr(rollout, "run", interrupted)
+    replace_simulation(monkeypatch, interrupted)
     code, said = evaluate(*RUN, *ONE, tmp_path)
     assert (code, "go on with" in said) == (130, True), said
     assert (results(tmp_path)["complete"], results(tmp_path)["episodes"]) == (False, 4)
-    monkeypatch.setattr(rollout, "run", run)
+    replace_simulation(monkeypatch, run)
     assert evaluate("--resume", *ONE, tmp_path)[0] == 0
     assert_same(tmp_path, settled[0])
 
