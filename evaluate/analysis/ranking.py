@@ -164,7 +164,7 @@ def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores:
 
 
 def correct_p_values(
-    ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0
+    ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0, *, out_of_time: bool = False
 ) -> tuple[Ranking, list[Comparison]]:
     """Apply one weighted Holm correction to the p-values of all differences between policies in a report.
 
@@ -182,7 +182,8 @@ def correct_p_values(
         ranked: Ranking with uncorrected p-values.
         comparisons: Comparisons of two policies on single scenarios. Only the success rate is corrected.
         limit: Maximum number of episodes in an evaluation that adds episodes until adjacent policies are distinguished
-            (`--until settled`); 0 for a fixed number of episodes.
+            (`--until settled`, `--minutes`); 0 for a fixed number of episodes.
+        out_of_time: True if a time limit ended the evaluation.
 
     Returns:
         The ranking and the comparisons, with corrected p-values.
@@ -190,7 +191,7 @@ def correct_p_values(
     single_p_values = {
         _single_claim(comparison): comparison.p_value for comparison in comparisons if comparison.metric == SUCCESS_RATE
     }
-    pair_p_values = _pair_p_values(ranked, limit)
+    pair_p_values = _pair_p_values(ranked, limit, out_of_time)
     weights = dict.fromkeys(single_p_values, (1.0 - RANKING_WEIGHT) / max(1, len(single_p_values)))
     weights |= dict.fromkeys(pair_p_values, RANKING_WEIGHT / max(1, len(pair_p_values)))
     p_values = single_p_values | pair_p_values
@@ -215,19 +216,22 @@ def _single_claim(comparison: Comparison) -> Claim:
     return comparison.scenario, frozenset((comparison.a, comparison.b))
 
 
-def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
+def _pair_p_values(ranked: Ranking, limit: int, out_of_time: bool) -> dict[Claim, float]:
     """Return the p-values of adjacent policies, corrected only for the number of interim analyses.
 
     Args:
         ranked: Ranking with uncorrected p-values.
         limit: Maximum number of episodes in an evaluation that adds episodes until adjacent policies are distinguished
-            (`--until settled`); 0 for a fixed number of episodes, which needs no correction.
+            (`--until settled`, `--minutes`); 0 for a fixed number of episodes, which needs no correction.
+        out_of_time: True if a time limit ended the evaluation.
 
     Returns:
         (scenario name, two policy names) -> p-value. The scenario name is empty if the score has several scenarios.
     """
     scenario = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
-    looks_factor = correction(ranked.episodes, limit, len(ranked.places)) if limit and ranked.neighbours else 1.0
+    looks_factor = 1.0
+    if limit and ranked.neighbours:
+        looks_factor = correction(ranked.episodes, limit, len(ranked.places), is_last=out_of_time)
     return {(scenario, frozenset((pair.better, pair.worse))): pair.p_value * looks_factor for pair in ranked.neighbours}
 
 

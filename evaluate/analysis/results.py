@@ -175,7 +175,7 @@ def analyse(
     ranked = rank_policies(select_scored_cells(cells, hardware=not scores), places, hardware=not scores)
     adjacent_pairs = {frozenset((pair.better, pair.worse)) for pair in ranked.neighbours}
     comparisons = compare(cells, baseline, adjacent_pairs)
-    ranked, comparisons = correct_p_values(ranked, comparisons, origin.get("limit", 0))
+    ranked, comparisons = correct_p_values(ranked, comparisons, origin.get("limit", 0), out_of_time=_is_stopped(origin))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -194,6 +194,15 @@ def analyse(
         versions=run_versions,
         provenance=origin,
     )
+
+
+def _is_stopped(provenance: Mapping[str, Any]) -> bool:
+    """Return True if the time limit of an evaluation ended it, or if an evaluation with a time limit was interrupted.
+
+    `provenance` is the origin of the results, as in manifest.json: name -> JSON value.
+    """
+    is_interrupted = provenance.get("minutes", 0.0) > 0.0 and not provenance.get("ended")
+    return bool(provenance.get("out_of_time", False) or is_interrupted)
 
 
 def _scores_and_front(

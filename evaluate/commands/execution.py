@@ -7,14 +7,14 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 # All modules that the run needs are imported here, because Ctrl-C must not interrupt an import later.
 import quad_env.envs.vector_env  # noqa: F401
 from evaluate.cells import PolicyScenarioResult, evaluation_seeds
-from evaluate.commands.interim_analysis import interim_analysis
+from evaluate.commands.interim_analysis import EarlyRanking, after_round, interim_analysis
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Show, write_results
 from evaluate.commands.plan import Plan
@@ -29,6 +29,7 @@ from evaluate.rollouts import diagnosis
 from evaluate.rollouts.cluster import VersionCheck, connect
 from evaluate.rollouts.cluster_tasks import cluster_executor
 from evaluate.rollouts.run import Executor, RunSettings, StoreError, run_cells
+from evaluate.rollouts.time_limit import RoundPlanner
 from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
@@ -43,6 +44,10 @@ from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
 GROUPS_PER_WORKER = 4
 """Minimum number of batches per worker process in a run, so that all processes end at about the same time."""
+GROUPS_PER_WORKER_IN_ROUND = 2
+"""Like GROUPS_PER_WORKER, for a round of a run with a time limit.
+
+A round has few episodes, and the time of a small batch depends little on its number of episodes."""
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
@@ -189,26 +194,68 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
     Raises:
         KeyboardInterrupt: The user pressed Ctrl-C before the first chunk was saved.
     """
-    run = Run(store.manifest, ())
-    finished: list[PolicyScenarioResult] = []
+    state = _RoundState(Run(store.manifest, ()))
     interrupted = False
     try:
         with _explained_errors(store):
             launcher.raise_on_interrupt()
             launcher.preallocate_blas_buffers()
             with Interrupt() as interrupt, _engine(plan, interrupt.check) as engine:
-                while not run.complete:
-                    if run.cells:
-                        episodes = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
-                        store.manifest = replace(run.manifest, episodes=episodes)
-                        finished = []
-                    finished.extend(_cells(plan, store, interrupt, engine))
-                    run = _after_interim_analysis(_run(store.manifest, finished), store.folder)
+                _simulate_rounds(plan, store, interrupt, engine, state)
     except KeyboardInterrupt:
         if not store.begun:
             raise
         interrupted = True
-    return run if run.cells else _run(store.manifest, finished), interrupted
+    return state.run if state.run.cells else _run(store.manifest, state.finished), interrupted
+
+
+@dataclass
+class _RoundState:
+    """Results of the rounds of a run so far. A run with a fixed number of episodes has one round."""
+
+    run: Run
+    """Results after the latest finished round; without results before the end of the first round."""
+    finished: list[PolicyScenarioResult] = field(default_factory=list)
+    """Finished results of the present round."""
+
+
+def _simulate_rounds(
+    plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: "_Engine", state: _RoundState
+) -> None:
+    """Simulate one round after the other until the run ends, and store the results.
+
+    Args:
+        plan: Checked options, policies and scenarios of the run.
+        store: Store of finished chunks (subsets of episodes that are simulated together).
+        interrupt: Handler of Ctrl-C.
+        engine: Processes that simulate.
+        state: Results so far, which are updated.
+    """
+    rounds = RoundPlanner(store.manifest.minutes)
+    while not state.run.complete:
+        if state.run.cells:
+            store.manifest = _next_round(state.run.manifest, rounds)
+            state.finished = []
+        rounds.start_round()
+        is_first = not state.run.cells
+        kept = 0 if is_first else state.run.manifest.episodes
+        early = EarlyRanking(plan.policies) if store.manifest.minutes and is_first else None
+        for cell in _cells(plan, store, interrupt, engine, kept):
+            state.finished.append(cell)
+            if early and (line := early.add(cell)):
+                print(line, file=sys.stderr, flush=True)
+        # The first round of a resumed run can have stored episodes, so its time says nothing about the next round.
+        is_timed = not (is_first and plan.options.resume)
+        rounds.finish_round(store.manifest.episodes - kept if is_timed else 0)
+        state.run = _after_interim_analysis(_run(store.manifest, state.finished), store.folder, rounds)
+
+
+def _next_round(manifest: Manifest, rounds: RoundPlanner) -> Manifest:
+    """Return the `manifest` with the number of episodes after the next round, at most at the next analysis."""
+    episodes = min(look for look in looks(manifest.limit) if look > manifest.episodes)
+    if manifest.minutes:
+        episodes = min(episodes, manifest.episodes + max(1, rounds.episodes_that_fit()))
+    return replace(manifest, episodes=episodes)
 
 
 @contextmanager
@@ -233,8 +280,11 @@ class _Engine:
 
     workers: int
     """Number of processes that simulate in parallel."""
-    make_executor: Callable[[int], Executor]
-    """Function that takes the maximum number of episodes in a batch of several policies, and returns the executor."""
+    make_executor: Callable[[int, int], Executor]
+    """Function that returns the executor.
+
+    Its arguments are the maximum number of episodes in a batch of several policies, and the number of batches, the
+    first ones, that have only one scenario each."""
 
 
 @contextmanager
@@ -259,7 +309,9 @@ def _engine(plan: Plan, check: Callable[[], None]) -> Iterator[_Engine]:
         yield _Engine(cluster.cores, partial(cluster_executor, cluster, check))
 
 
-def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine) -> Iterator[PolicyScenarioResult]:
+def _cells(
+    plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine, kept: int
+) -> Iterator[PolicyScenarioResult]:
     """Simulate all pairs of policy and scenario in the manifest of the store, and show the progress.
 
     Args:
@@ -267,6 +319,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine)
         store: Store of finished chunks (subsets of episodes that are simulated together).
         interrupt: Handler of Ctrl-C; the function checks it during the simulation.
         engine: Processes that simulate.
+        kept: Number of episodes of each pair that earlier rounds have simulated.
 
     Yields:
         The result of each pair as soon as all of its episodes are finished.
@@ -278,16 +331,19 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine)
             interrupt.check()
             progress(policy, scenario, fraction)
 
+        # A run with a time limit shows a first ranking early.
+        num_small = engine.workers if manifest.minutes and not kept else 0
         # The chunks (subsets of the episodes of a pair) are as large as the options allow, but small enough that every
         # worker process gets at least one chunk.
-        episodes_per_worker = max(1, -(-plan.manifest.episode_count // engine.workers))
+        missing = manifest.episode_count - kept * len(manifest.cells)
+        episodes_per_worker = max(1, -(-missing // engine.workers))
         settings = RunSettings(
             nthread=engine.workers,
             progress=report,
             chunk_size=min(plan.options.at_once, episodes_per_worker),
             store=store,
             steps=manifest.steps,
-            executor=engine.make_executor(_group_size(plan, engine.workers)),
+            executor=engine.make_executor(_group_size(plan, engine.workers, missing), num_small),
             hardware=manifest.hardware,
             episode_indices={scenario.name: manifest.episode_indices(scenario.name) for scenario in plan.scenarios},
         )
@@ -296,7 +352,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt, engine: _Engine)
         yield from run_cells(plan.policies, scenarios, seeds, settings)
 
 
-def _group_size(plan: Plan, workers: int) -> int:
+def _group_size(plan: Plan, workers: int, missing: int) -> int:
     """Return the maximum number of episodes of several policies that are simulated in one batch.
 
     A large batch is fast. With several worker processes, batches are small enough that the processes end at about the
@@ -305,13 +361,15 @@ def _group_size(plan: Plan, workers: int) -> int:
     Args:
         plan: Checked options, policies and scenarios of the run.
         workers: Number of worker processes.
+        missing: Number of episodes that the present round simulates.
 
     Returns:
         The number of episodes.
     """
     if workers == 1:
         return plan.options.at_once
-    return min(plan.options.at_once, max(1, -(-plan.manifest.episode_count // (workers * GROUPS_PER_WORKER))))
+    num_groups = workers * (GROUPS_PER_WORKER_IN_ROUND if plan.manifest.minutes else GROUPS_PER_WORKER)
+    return min(plan.options.at_once, max(1, -(-missing // num_groups)))
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
@@ -319,24 +377,31 @@ def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
     return Run(manifest, tuple(sorted(cells, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
-def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Analyse a run with `--until settled`, and decide if it ends; return a run without this option as is.
+def _after_interim_analysis(run: Run, folder: Path, rounds: RoundPlanner) -> Run:
+    """Analyse a run with `--until settled` or a time limit, and decide if it ends; return any other run as is.
 
-    A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. The function
-    prints the tests of these policies, and stores the decision in the manifest.
+    This run adds episodes until adjacent policies of the ranking are distinguished. The function prints the tests of
+    these policies, and stores the decision in the manifest.
 
     Args:
         run: Run in which every pair of policy and scenario has all episodes so far.
         folder: Results folder.
+        rounds: Plan of the rounds of a run with a time limit.
 
     Returns:
         The run. If it has ended, its manifest contains the reason.
     """
     if not run.manifest.is_unsettled:
         return run
-    line, ended = interim_analysis(run.cells, run.manifest.limit)
+    manifest = run.manifest
+    out_of_time = False
+    if manifest.minutes:
+        out_of_time = manifest.episodes < manifest.limit and rounds.episodes_that_fit() == 0
+        line, ended = after_round(run.cells, manifest.limit, manifest.minutes, out_of_time=out_of_time)
+    else:
+        line, ended = interim_analysis(run.cells, manifest.limit)
     print(line, file=sys.stderr, flush=True)
-    run = replace(run, manifest=replace(run.manifest, ended=ended))
+    run = replace(run, manifest=replace(manifest, ended=ended, out_of_time=out_of_time))
     run.manifest.write(folder)
     return run
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from evaluate.commands.options import PROGRAM, RESULT_NEUTRAL_OPTIONS, EvaluateOptions, describe_changes
 from evaluate.commands.plan import Plan, check
 from evaluate.records import manifest as manifests
+from evaluate.records.manifest import Manifest
 from evaluate.records.store import is_unfinished, read_run
 from quad_env.cli.command_line import UsageError
 
@@ -61,18 +62,41 @@ def check_extension(options: EvaluateOptions, stored: EvaluateOptions) -> Plan:
         raise UsageError(
             f"{name}: {out} is part {stored.part} of a run; valid: a finished run, after `{PROGRAM} merge`"
         )
+    then = manifests.read(out)
+    _check_number_of_episodes(options, stored, then)
     same = replace(options, episodes=stored.episodes)
     if changes := describe_changes(stored, same):
         raise UsageError(f"{name}: keeps the options of the run, but {'; '.join(changes)}; valid: leave them out")
-    if options.max_episodes < stored.max_episodes:
-        raise UsageError(f"--episodes: the run has {stored.max_episodes}, got {options.max_episodes}; valid: more")
     if not read_run(out).complete:
         finish = f"{PROGRAM} --resume --out {shlex.quote(str(out))}"
         raise UsageError(f"{name}: {out} is not finished; valid: a finished run, after `{finish}`")
-    then = manifests.read(out)
-    if then.limit:
-        raise UsageError(f"{name}: {out} is a run with --until settled; valid: a run with a fixed number of episodes")
     plan = check(replace(options, policies=(*stored.policies, *options.add), add=()))
     if changes := manifests.differences(then, plan.manifest):
         raise UsageError(f"{name}: {out} cannot be extended, for {'; '.join(changes)}; valid: a new run, another --out")
-    return replace(plan, extends=True)
+    # A run that its time limit has ended keeps its number of episodes.
+    manifest = plan.manifest
+    if then.out_of_time:
+        manifest = replace(manifest, episodes=then.episodes, ended=then.ended, out_of_time=True)
+    return replace(plan, manifest=manifest, extends=True)
+
+
+def _check_number_of_episodes(options: EvaluateOptions, stored: EvaluateOptions, then: Manifest) -> None:
+    """Check that a finished run can have the number of episodes, or the policies, that an extension adds.
+
+    Args:
+        options: Options of the command line.
+        stored: Options of the finished run.
+        then: Manifest of the finished run.
+
+    Raises:
+        UsageError: The run has more episodes, or the run has a variable number of episodes.
+    """
+    name = "--add" if options.add else "--episodes"
+    if then.ended and not then.out_of_time:
+        fact = f"{name}: {options.out} is a run that ended as its ranking was settled"
+        raise UsageError(f"{fact}; valid: a run with a fixed number of episodes")
+    if then.limit and options.max_episodes != stored.max_episodes:
+        fact = f"--episodes: {options.out} is a run with a time limit, which has {then.episodes}"
+        raise UsageError(f"{fact}, got {options.max_episodes}; valid: a new run, another --out")
+    if options.max_episodes < stored.max_episodes:
+        raise UsageError(f"--episodes: the run has {stored.max_episodes}, got {options.max_episodes}; valid: more")

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,15 +14,23 @@ from quad_env.cli.ray_option import RayOption
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust")
+WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust", "mpc_wbc")
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
-DEFAULT_BATTERY = ("default",)
+DEFAULT_BATTERY = ("quick",)
+FULL_BATTERY = ("default",)
+"""Battery of the option `--full`, from which the tables and figures of the README come."""
 EPISODES = {None: 20, "settled": 96}
 """Value of the option `--until` -> default number of episodes of each policy on each scenario.
 
 A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this run, the
 value is the maximum number of episodes.
 """
+FULL_EPISODES = 24
+"""Default number of episodes of each policy on each scenario with the option `--full`."""
+DEFAULT_MINUTES = 3.0
+"""Time limit of a run without options, min."""
+TIMED_EPISODES = 48
+"""Default maximum number of episodes of each policy on each scenario in a run with a time limit."""
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "add", "baseline", "trust", "ray")
 """Names of the options that may change when an interrupted run is resumed; no result depends on them."""
 
@@ -40,15 +48,27 @@ class EvaluateOptions:
     """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Scenarios: names (push), levels (push:3, push:all), severities in the unit of the axis (push=42) and combinations
-    (payload=15+slope=10), batteries (quick, default, full, all), terrain files (hill.toml), or a quad_env.Scenario in
+    (payload=15+slope=10), batteries (quick: each axis at one severity; default: at three; full: at every one; all: at
+    the nominal one), terrain files (hill.toml), or a quad_env.Scenario in
     my_file.py:NAME. The ending +randomised adds domain randomisation, +hardware the robot's hardware profile
     (push:3+hardware)."""
     hardware: Flag = False
     """Run every scenario with the robot's hardware profile: motors, delays, sensors and estimator of the real robot."""
     quick: Flag = False
-    """Run the quick battery, as --scenarios quick does."""
-    episodes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 20)")] = None
-    """Episodes of 10 s of each policy on each scenario (count), the same episodes for every policy."""
+    """The comparison without options: each axis at one severity, with and without the hardware profile, 3 minutes."""
+    full: Flag = False
+    """The README's comparison: each axis at three severities (--scenarios default), 24 episodes, no time limit."""
+    episodes: Annotated[
+        int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 20; 24 with --full)")
+    ] = None
+    """Episodes of 10 s of each policy on each scenario (count), the same episodes for every policy. The maximum in a
+    run with --minutes (default 48) or --until (default 96)."""
+    minutes: Annotated[float | None, tyro.conf.arg(metavar="FLOAT", help_behavior_hint="(default: 3 or no limit)")] = (
+        None
+    )
+    """Time limit, min: add whole rounds of episodes until the ranking is settled or a further round would end too late;
+    the report takes extra time. By default there is no limit if other options name scenarios or a number of episodes,
+    divide the run or end it."""
     until: Literal["settled"] | None = None
     """settled: add episodes in four stages until adjacent policies of the ranking differ significantly or are unlikely
     to; --episodes is the maximum (default 96). Group-sequential test, one error rate for all stages."""
@@ -100,20 +120,34 @@ class EvaluateOptions:
     @property
     def battery(self) -> tuple[str, ...]:
         """Names of the scenarios and batteries (named lists of scenarios) to run."""
-        return ("quick",) if self.quick else self.scenarios
+        return FULL_BATTERY if self.full else self.scenarios
+
+    @property
+    def time_limit(self) -> float:
+        """Time limit of the simulation, min; 0 without a limit."""
+        if self.minutes is not None:
+            return self.minutes
+        is_fixed = self.full or self.until or self.part is not None or self.episodes is not None
+        return 0.0 if is_fixed or self.scenarios != DEFAULT_BATTERY else DEFAULT_MINUTES
 
     @property
     def max_episodes(self) -> int:
         """Number of episodes of each policy on each scenario.
 
-        A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. For this
-        run, the value is the maximum number of episodes.
+        A run with `--until settled` or a time limit adds episodes until adjacent policies of the ranking are
+        distinguished. For this run, the value is the maximum number of episodes.
         """
-        return EPISODES[self.until] if self.episodes is None else self.episodes
+        if self.episodes is not None:
+            return self.episodes
+        if self.until:
+            return EPISODES[self.until]
+        if self.time_limit:
+            return TIMED_EPISODES
+        return FULL_EPISODES if self.full else EPISODES[None]
 
     def run_options(self) -> dict[str, Any]:
         """Return the options that must not change when an interrupted run is resumed: name -> JSON value."""
-        values = asdict(self) | {"episodes": self.max_episodes}
+        values = asdict(self) | {"episodes": self.max_episodes, "minutes": self.time_limit or None}
         run_values = {name: value for name, value in values.items() if name not in RESULT_NEUTRAL_OPTIONS}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in run_values.items()}
 
@@ -160,16 +194,33 @@ def command(values: Mapping[str, Any]) -> str:
 
     Options with default values are left out.
     """
-    defaults = EvaluateOptions().run_options()
+    defaults = _default_values(values)
     words = PROGRAM.split()
     for name, value in values.items():
-        if value != defaults.get(name, False):
+        if value is not None and value != defaults.get(name, False):
             words.append(f"--{name}")
             if isinstance(value, list):
                 words += map(str, value)
             elif value is not True:
                 words.append(str(value))
     return shlex.join(words)
+
+
+def _default_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values that options have if only the options that select the kind of run are given.
+
+    Args:
+        values: Name of an option -> JSON value, of all options.
+
+    Returns:
+        Name of an option -> default value. The options that select the kind of run have their own default values.
+    """
+    kind = {name: values[name] for name in ("full", "part") if values.get(name)}
+    if values.get("scenarios"):
+        kind["scenarios"] = tuple(values["scenarios"])
+    defaults = EvaluateOptions()
+    chosen = replace(defaults, **kind).run_options()
+    return defaults.run_options() | {name: chosen[name] for name in ("episodes", "minutes")}
 
 
 def _words(value: Any) -> str:

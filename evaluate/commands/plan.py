@@ -25,6 +25,7 @@ from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.records.shares import select_share
 from evaluate.rollouts import battery, rollout
 from evaluate.rollouts.cost import episode_costs
+from evaluate.rollouts.time_limit import FIRST_ROUND
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.part import parse_part
 from quad_env.cli.ray_option import parse_ray
@@ -33,7 +34,13 @@ from quad_env.physics.simulators import MUJOCO
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
-LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
+LIMITS: dict[str, tuple[float, float]] = {
+    "episodes": (1, 1_000_000),
+    "minutes": (0.1, 10_080),
+    "seed": (0, 2**63 - 1),
+    "threads": (1, 256),
+    "at_once": (1, 65_536),
+}
 """Name of an option -> smallest and largest valid value."""
 
 
@@ -85,13 +92,17 @@ def check(options: EvaluateOptions) -> Plan:
     Raises:
         UsageError: An option is not valid, or the folder cannot be written.
     """
-    options = replace(options, episodes=options.max_episodes, policies=expand_patterns(options.policies))
-    names, groups = split_groups(options.policies)
     check_numbers(options, LIMITS)
+    _check_battery(options)
     if options.ray is not None:
         parse_ray(options.ray)
-    if options.quick and options.scenarios != DEFAULT_BATTERY:
-        raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
+    options = replace(
+        options,
+        episodes=options.max_episodes,
+        minutes=options.time_limit or None,
+        policies=expand_patterns(options.policies),
+    )
+    names, groups = split_groups(options.policies)
     try:
         hardware.check_hardware(options.hardware_config)
     except ValueError as error:
@@ -141,7 +152,9 @@ def _make_manifest(
         threads=options.threads,
         hardware=options.hardware_config,
     ).with_groups(groups)
-    if options.until:
+    if options.time_limit:
+        manifest = manifest.with_time_limit(options.time_limit, FIRST_ROUND)
+    elif options.until:
         manifest = manifest.until_settled()
     if options.part is not None:
         costs = episode_costs(compared, scenarios)
@@ -253,6 +266,15 @@ def _check_part(options: EvaluateOptions) -> None:
     parse_part(options.part or "")
     if options.until:
         raise UsageError("--part and --until settled: each part needs a fixed number of episodes; valid: --episodes")
+    if options.minutes is not None:
+        raise UsageError("--part and --minutes: each part needs a fixed number of episodes; valid: --episodes")
+
+
+def _check_battery(options: EvaluateOptions) -> None:
+    """Raise UsageError if more than one of --quick, --full and --scenarios selects the scenarios."""
+    given = {"--quick": options.quick, "--full": options.full, "--scenarios": options.scenarios != DEFAULT_BATTERY}
+    if len(names := [name for name, is_given in given.items() if is_given]) > 1:
+        raise UsageError(f"{' and '.join(names)} both name the scenarios: give one of them")
 
 
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:

@@ -47,6 +47,8 @@ _SHA256 = "sha256"
 """Key in manifest.json for the SHA-256 of all other keys and values, which shows a change of the file."""
 _NOT_PROVENANCE = ("options", "date", "fingerprint", "share")
 """Names of the fields of a manifest that have no influence on the results of the evaluation."""
+_OUTCOME = ("ended", "out_of_time")
+"""Names of the fields that describe the end of a run with a variable number of episodes."""
 NOT_COMPARED = {"git_revision"}
 """Names of the software versions that are not compared between two runs (evaluations).
 
@@ -76,8 +78,8 @@ class Manifest:
     episodes: int
     """Number of episodes of each policy on each scenario.
 
-    A run with `--until settled` adds episodes until adjacent policies of the ranking are distinguished. The value is
-    then the number of episodes at the latest interim analysis.
+    A run with `--until settled` or `--minutes` adds episodes until adjacent policies of the ranking are distinguished.
+    The value is then the number of episodes at the latest interim analysis, or after the latest round.
     """
     steps: int
     """Number of control steps after which an episode ends at the latest (its time limit)."""
@@ -101,16 +103,20 @@ class Manifest:
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Name of a group of training seeds -> labels of its policies; empty for a run without groups."""
     limit: int = 0
-    """Maximum number of episodes of each policy on each scenario in a run with `--until settled`.
+    """Maximum number of episodes of each policy on each scenario in a run with `--until settled` or `--minutes`.
 
     This run adds episodes until adjacent policies of the ranking are distinguished. The value is 0 for a run with a
     fixed number of episodes.
     """
     ended: str = ""
-    """Reason why a run with `--until settled` ended; empty before its end, and for all other runs.
+    """Reason why a run with `--until settled` or `--minutes` ended; empty before its end, and for all other runs.
 
     This run adds episodes until adjacent policies of the ranking are distinguished.
     """
+    minutes: float = 0.0
+    """Time limit of a run with `--minutes`, min; 0 for a run without a time limit."""
+    out_of_time: bool = False
+    """True if the time limit ended the run. The number of episodes then depends on the speed of the machine."""
     date: str = ""
     """Date on which the run started, UTC; empty if it was not recorded."""
     fingerprint: str = ""
@@ -152,7 +158,7 @@ class Manifest:
 
     @property
     def is_unsettled(self) -> bool:
-        """True for a run that has a variable number of episodes (`--until settled`) and has not ended."""
+        """True for a run with a variable number of episodes (`--until settled`, `--minutes`) that has not ended."""
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
@@ -170,6 +176,21 @@ class Manifest:
         becomes the maximum number of episodes. The number of episodes becomes the number at the first interim analysis.
         """
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
+
+    def with_time_limit(self, minutes: float, first_round: int) -> "Manifest":
+        """Convert the manifest of a run with a fixed number of episodes to a run with a time limit.
+
+        The fixed number of episodes becomes the maximum number. The run starts with the episodes of the first round.
+
+        Args:
+            minutes: Time limit, min.
+            first_round: Number of episodes of each policy on each scenario in the first round.
+
+        Returns:
+            The manifest.
+        """
+        episodes = min(first_round, self.episodes)
+        return replace(self, limit=self.episodes, episodes=episodes, minutes=minutes).with_fingerprint()
 
     def as_json(self) -> dict[str, Any]:
         """Return the contents of the file manifest.json, with hashes to detect changes: key -> JSON value."""
@@ -328,11 +349,11 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
         provenance: Fields of the manifest except those in `_NOT_PROVENANCE`: name -> JSON value.
 
     Returns:
-        The hash. It does not depend on the number of threads. It stays the same while a run with `--until settled` adds
-        episodes until adjacent policies of the ranking are distinguished.
+        The hash. It does not depend on the number of threads. It stays the same while a run with `--until settled` or
+        `--minutes` adds episodes until adjacent policies of the ranking are distinguished.
     """
     versions = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
-    inputs = {name: value for name, value in provenance.items() if name != "ended"}
+    inputs = {name: value for name, value in provenance.items() if name not in _OUTCOME}
     max_episodes = inputs.get("limit") or inputs["episodes"]
     return _digest({**inputs, "versions": versions, "threads": None, "episodes": max_episodes})
 

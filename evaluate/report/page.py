@@ -126,14 +126,20 @@ def _notes(results: Results) -> str:
 
 
 def list_warnings(results: Results) -> list[str]:
-    """Return the warnings on a run: policies with errors, and an early end by a sequential test."""
+    """Return the warnings on a run: policies with errors, and an end by a sequential test or a time limit."""
     lines = [
         f"{errors.policy} failed in {errors.failed} of {with_count(errors.episodes, 'episode')}; "
         f"in the first it {errors.first}"
         for errors in results.policy_errors
     ]
-    if reason := results.provenance.get("ended"):
-        limit = results.provenance["limit"]
+    reason = results.provenance.get("ended")
+    limit = results.provenance.get("limit", 0)
+    if reason and results.provenance.get("minutes"):
+        lines.append(
+            f"This run ended after {results.episodes} of at most {limit} episodes: {reason}; the option --episodes "
+            f"{results.episodes} in place of --minutes simulates the same episodes on every machine"
+        )
+    elif reason:
         lines.append(
             f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {reason}, by a "
             "sequential test corrected for all looks; intervals are those of a fixed number of episodes"

@@ -25,12 +25,32 @@ from quad_env.scenarios.registry import (
 from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_json_values, to_json_values
 
-NOMINAL = ("flat", "push", "rough")
-"""Names of three basic scenarios: level ground, nominal pushes and nominal rough ground.
+NOMINAL = "flat"
+"""Name of the scenario of level ground without a disturbance, on which the battery `default` has both worlds."""
+QUICK_LEVELS = {
+    "flat": 2,
+    "push": 3,
+    "rough": 3,
+    "force": 3,
+    "slope": 4,
+    "stairs": 3,
+    "gravel": 3,
+    "soft": 4,
+    "slippery": 3,
+    "payload": 3,
+    "weak_motors": 4,
+    "slow_motors": 4,
+    "latency": 3,
+    "noise": 3,
+    "dropout": 4,
+    "surprise": 3,
+    "slow": 1,
+}
+"""Name of a disturbance axis -> number of its severity level in the battery `quick`; level 1 is the mildest.
 
-The battery (named list of scenarios) `quick` begins with them."""
-QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
-"""Name of a disturbance axis -> numbers of its severity levels in the battery `quick`; level 1 is the mildest."""
+It is the level of the battery `default` that separates the policies most, by `python -m research severities`, which
+uses other episodes than an evaluation. The axis `flat` has its nominal level, on which `document` runs.
+"""
 LEVELS_ABOVE_NOMINAL = 2
 """Number of severity levels above the nominal level that the battery `default` has on each disturbance axis.
 
@@ -46,26 +66,22 @@ _FILE_SEPARATOR = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: (
-        *_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
-        *_hardware_scenarios(robot)[:1],
-    ),
+    "quick": lambda robot: _quick_battery(robot),
     "default": lambda robot: (
-        *_battery(
-            robot, lambda axis: range(axis.nominal_level, axis.nominal_level + LEVELS_ABOVE_NOMINAL + 1), tuple(AXES)
-        ),
+        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + LEVELS_ABOVE_NOMINAL + 1)),
         *_hardware_scenarios(robot),
     ),
-    "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
+    "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
 """Name of a battery -> function that receives a robot and returns the scenarios of the battery.
 
 The nominal severity level of a disturbance axis is the level of the scenario with its name, for example `push`.
 
-- quick: a few scenarios for a first impression.
-- default: every disturbance axis at its nominal severity level and the next two levels. With the hardware profile
-  (models of the real robot's motors and sensors), every axis at one level above nominal.
+- quick: every disturbance axis at the severity level that separates the policies most, with the hardware profile
+  (models of the real robot's motors and sensors) and without it.
+- default: every disturbance axis at its nominal severity level and the next two levels. With the hardware profile,
+  every axis at one level above nominal.
 - full: every disturbance axis at every severity level.
 - all: every disturbance axis at its nominal severity level.
 """
@@ -168,7 +184,7 @@ def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
     They are `flat`, `steady`, and one scenario of each disturbance axis: the severity level above the nominal level.
     """
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
-    return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
+    return with_profile((scenarios_of(robot)[NOMINAL], STEADY, *levels))
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
@@ -179,22 +195,32 @@ def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
     return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 
 
-def _battery(
-    robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
-) -> tuple[Scenario, ...]:
-    """Return a battery: nominal scenarios, severity levels of each disturbance axis, and `steady`.
+def _quick_battery(robot: Robot) -> tuple[Scenario, ...]:
+    """Return the battery `quick`, scaled to the `robot`: the levels in QUICK_LEVELS, in both worlds, and `steady`.
+
+    The nominal level has the name of the axis, as in the other batteries.
+    """
+    nominal = scenarios_of(robot)
+    chosen = [
+        nominal[axis.name] if QUICK_LEVELS[axis.name] == axis.nominal_level else axis.level(QUICK_LEVELS[axis.name])
+        for axis in axes_of(robot).values()
+    ]
+    return (*chosen, STEADY, *with_profile(chosen))
+
+
+def _battery(robot: Robot, levels: Callable[[Axis], Iterable[int]]) -> tuple[Scenario, ...]:
+    """Return a battery: nominal scenarios and severity levels of each disturbance axis, and `steady`.
 
     Scenarios that differ only in their names are returned only once.
 
     Args:
         robot: Robot of the scenarios; severities are scaled to its size.
         levels: Function that receives a disturbance axis and returns the numbers of its levels in the battery, from 1.
-        nominal: Names of the nominal scenarios.
 
     Returns:
         Scenarios in the order of the battery.
     """
-    chosen = [scenarios_of(robot)[name] for name in nominal]
+    chosen = [scenarios_of(robot)[name] for name in AXES]
     for axis in axes_of(robot).values():
         for level in levels(axis):
             new = axis.level(min(level, len(axis.levels)))

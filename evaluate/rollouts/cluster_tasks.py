@@ -21,7 +21,9 @@ Work = tuple[list[Task], Sequence[Extension]]
 """Tasks of a group, and the extensions of the process that sends them."""
 
 
-def cluster_executor(cluster: RayCluster, check: Callable[[], None] = lambda: None, max_rows: int = 1) -> Executor:
+def cluster_executor(
+    cluster: RayCluster, check: Callable[[], None] = lambda: None, max_rows: int = 1, num_small: int = 0
+) -> Executor:
     """Return a function that runs groups of tasks on a Ray cluster.
 
     The tasks have the same results as in `sequential` and `process_pool`.
@@ -31,13 +33,14 @@ def cluster_executor(cluster: RayCluster, check: Callable[[], None] = lambda: No
         check: Function that is called repeatedly while the executor waits. If it raises an exception, the execution
             ends.
         max_rows: Maximum number of episodes in a group of several tasks; see `group_tasks`.
+        num_small: Number of groups with only one scenario; see `group_tasks`.
 
     Returns:
         The function that runs tasks. It raises an exception again that a task has raised.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        groups = group_tasks(tasks, max_rows)
+        groups = group_tasks(tasks, max_rows, num_small)
 
         def receive(index: int, fraction: float) -> None:
             for task_index in groups[index]:

@@ -278,6 +278,8 @@ def run_scenarios(
         for each in running:
             each.reset()
         policy.reset(num_envs=first_row, seed=0)
+        for each in running:
+            each.recorder(each.step)
         for number in range(steps):
             if number % REPORT_PERIOD == 0:
                 progress(number / steps)
@@ -314,7 +316,6 @@ class _RunningBatch:
     def reset(self) -> None:
         """Start an episode for each seed."""
         self.step = reset_episodes(self.env, self._seeds, None)
-        self.recorder(self.step)
 
     def advance(self, actions: Actions) -> None:
         """Simulate one control step with the `actions` of the robots of all scenarios, (m, 12), rad, and record it."""

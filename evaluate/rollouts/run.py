@@ -126,19 +126,20 @@ def run_cells(
                 yield cell.finish()
 
 
-def sequential(nthread: int, max_rows: int = 1) -> Executor:
+def sequential(nthread: int, max_rows: int = 1, num_small: int = 0) -> Executor:
     """Return a function that runs one group of tasks after the other in this process.
 
     Args:
         nthread: Number of threads with which the robots of a group are simulated.
         max_rows: Maximum number of episodes in a group of several tasks; see `group_tasks`.
+        num_small: Number of groups with only one scenario; see `group_tasks`.
 
     Returns:
         The function that runs tasks.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        for group in group_tasks(tasks, max_rows):
+        for group in group_tasks(tasks, max_rows, num_small):
 
             def report(fraction: float, group: TaskGroup = group) -> None:
                 for task_index in group:

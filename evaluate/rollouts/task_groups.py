@@ -11,7 +11,7 @@ TaskGroup = tuple[int, ...]
 """Indices of tasks that are simulated together, in ascending order."""
 
 
-def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
+def group_tasks(tasks: Sequence[Task], max_rows: int, num_small: int = 0) -> list[TaskGroup]:
     """Divide tasks into groups; the tasks of a group are simulated together.
 
     The tasks of a group have policies that need the same environment except for the servo gains. No policy runs twice
@@ -21,6 +21,7 @@ def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
     Args:
         tasks: Tasks of a run.
         max_rows: Maximum number of episodes in a group of several tasks; it limits the memory.
+        num_small: Number of groups, the first ones, that have only one scenario each, so that first results come early.
 
     Returns:
         Groups with all indices of the tasks, in the order of their first tasks.
@@ -30,7 +31,14 @@ def group_tasks(tasks: Sequence[Task], max_rows: int) -> list[TaskGroup]:
     for index, task in enumerate(tasks):
         key = _environment(task)
         candidates = [] if key is None else open_groups.setdefault(key, [])
-        group = next((each for each in candidates if _has_room(tasks, each, task, max_rows)), None)
+        small_groups = [id(each) for each in groups[:num_small]]
+        with_room = (
+            each
+            for each in candidates
+            if _has_room(tasks, each, task, max_rows)
+            and (id(each) not in small_groups or tasks[each[0]].scenario is task.scenario)
+        )
+        group = next(with_room, None)
         if group is None:
             group = []
             groups.append(group)

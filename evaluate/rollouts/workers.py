@@ -57,7 +57,9 @@ class WorkerDiedError(UsageError):
     """Error that is raised if a worker process dies or cannot be started."""
 
 
-def process_pool(count: int, check: Callable[[], None] = lambda: None, max_rows: int = 1) -> Executor:
+def process_pool(
+    count: int, check: Callable[[], None] = lambda: None, max_rows: int = 1, num_small: int = 0
+) -> Executor:
     """Return a function that runs groups of tasks in `count` or fewer worker processes, in parallel.
 
     The results of the tasks do not depend on the number of processes. The workers end when the process that started
@@ -69,6 +71,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None, max_rows:
         check: Function that is called repeatedly while the executor waits. If it raises an exception, the execution
             ends.
         max_rows: Maximum number of episodes in a group of several tasks; see `group_tasks`.
+        num_small: Number of groups with only one scenario; see `group_tasks`.
 
     Returns:
         The function that runs tasks. It raises WorkerDiedError if a worker dies. It raises an exception again that a
@@ -76,9 +79,9 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None, max_rows:
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        groups = group_tasks(tasks, max_rows)
+        groups = group_tasks(tasks, max_rows, num_small)
         if min(count, len(groups)) < 2 or sum(map(estimated_steps, tasks)) < MIN_PARALLEL_STEPS:
-            yield from sequential(count, max_rows)(tasks, progress)
+            yield from sequential(count, max_rows, num_small)(tasks, progress)
             return
         with _workers(min(count, len(groups), MAX_WORKERS)) as workers:
             yield from _distribute(tasks, groups, workers, progress, check)

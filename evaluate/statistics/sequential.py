@@ -8,6 +8,9 @@ The nominal levels follow from an α-spending function (Kim and DeMets 1987, Bio
 maximum number of episodes, the test has spent α t^(3/2) of the error probability α. This function spends less of α at
 early interim analyses than Pocock's boundary. It spends less at late ones than O'Brien and Fleming's boundary.
 
+A run with a time limit can end between two interim analyses. Its last analysis then spends all of α that is left,
+because the time does not depend on the differences between the policies (Lan and DeMets 1983, Biometrika 70).
+
 A ranking of P policies has P − 1 adjacent pairs, and each pair has α = LEVEL / (P − 1). The scores decide which pairs
 are adjacent, but this selection needs no correction. Two policies with equal true scores are adjacent with a large
 difference only if the score of no third policy lies between them. Pairs of this kind form no cycle, so there are at
@@ -77,43 +80,49 @@ def looks(max_episodes: int) -> tuple[int, ...]:
     return tuple(sorted({math.ceil(max_episodes * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
-def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -> list[AdjacentTest]:
+def compare_adjacent_policies(
+    values: Mapping[str, Floats], max_episodes: int, *, is_last: bool = False
+) -> list[AdjacentTest]:
     """Rank the policies in one interim analysis, and test each pair of adjacent policies.
 
     Args:
         values: Name of the policy -> score of each episode so far, (n,). All policies ran the same n episodes.
         max_episodes: Number of episodes at the last interim analysis.
+        is_last: True if a time limit makes this analysis the last one.
 
     Returns:
         Test of each adjacent pair, the pair with the best policy first.
     """
     ranked = sorted(values, key=lambda policy: -values[policy].mean())
-    levels = nominal_levels(max_episodes, len(ranked)) if len(ranked) > 1 else {}
+    episodes = len(values[ranked[0]]) if ranked else 0
+    stopped_at = episodes if is_last else None
+    levels = nominal_levels(max_episodes, len(ranked), stopped_at) if len(ranked) > 1 else {}
+    last_level = levels.get(max_episodes, 0.0)
     tests = []
     for ahead, behind in pairwise(ranked):
         p_value = sign_flip_test(values[ahead] - values[behind])
-        episodes = len(values[ahead])
-        power = predictive_power(p_value, episodes / max_episodes, levels[max_episodes])
-        tests.append(AdjacentTest(ahead, behind, p_value, p_value < levels[episodes], power < FUTILITY_POWER))
+        is_futile = is_last or predictive_power(p_value, episodes / max_episodes, last_level) < FUTILITY_POWER
+        tests.append(AdjacentTest(ahead, behind, p_value, p_value < levels[episodes], is_futile))
     return tests
 
 
-def correction(episodes: int, max_episodes: int, policies: int) -> float:
+def correction(episodes: int, max_episodes: int, policies: int, *, is_last: bool = False) -> float:
     """Return the factor that corrects p-values of adjacent policies for the number of interim analyses.
 
     Args:
         episodes: Number of episodes at the interim analysis that gave the p-values.
         max_episodes: Number of episodes at the last interim analysis.
         policies: Number of ranked policies.
+        is_last: True if a time limit made this analysis the last one.
 
     Returns:
         Significance level of a test with a single analysis, divided by the nominal level of this interim analysis.
     """
-    return LEVEL / (policies - 1) / nominal_levels(max_episodes, policies)[episodes]
+    return LEVEL / (policies - 1) / nominal_levels(max_episodes, policies, episodes if is_last else None)[episodes]
 
 
 @lru_cache(maxsize=64)
-def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
+def nominal_levels(max_episodes: int, policies: int, stopped_at: int | None = None) -> dict[int, float]:
     """Compute the nominal significance level of every interim analysis.
 
     Two adjacent policies are distinguished if their two-sided p-value is below this level. The levels follow from the
@@ -123,6 +132,7 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
     Args:
         max_episodes: Number of episodes at the last interim analysis.
         policies: Number of ranked policies.
+        stopped_at: Number of episodes at which a time limit ended the run; None if no time limit ended it.
 
     Returns:
         Number of episodes at the interim analysis -> nominal significance level, 0 … 1.
@@ -137,9 +147,10 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
     density = np.ones(1)
     previous_share = 0.0
     spent = 0.0
-    for episodes in looks(max_episodes):
+    last = max_episodes if stopped_at is None else stopped_at
+    for episodes in (*(look for look in looks(max_episodes) if look < last), last):
         share = episodes / max_episodes
-        spent_at_look = LEVEL / (policies - 1) * share**1.5
+        spent_at_look = LEVEL / (policies - 1) * (1.0 if episodes == last else share**1.5)
         scale = math.sqrt(share - previous_share)
         bound = brentq(_excess, 0.0, 9.0, args=(sums, density, scale, spent_at_look - spent))
         levels[episodes] = 2.0 * float(ndtr(-bound / math.sqrt(share)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from evaluate.analysis.pareto import Pareto, ParetoPoint, cost_scenario
 from evaluate.analysis.results import null_to_nan
 from evaluate.analysis.score import SCORES, Score
-from evaluate.commands.options import command
+from evaluate.commands.options import DEFAULT_BATTERY, FULL_BATTERY, command
 from evaluate.hardware import HardwareConfig, parse_robot_option
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_SCENARIOS, EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABEL, format_effort
@@ -118,9 +118,11 @@ def made_by(results: dict[str, Any]) -> str:
     scenarios = scenarios_of(results)
     battery = next((name for name in BATTERIES if [scenario.name for scenario in resolve((name,))] == scenarios), None)
     only_on = provenance.get("only_on", {})
+    is_full = (battery,) == FULL_BATTERY
     options = {
         "policies": [f"{name}@{','.join(only_on[name])}" if name in only_on else name for name in results["policies"]],
-        "scenarios": [battery] if battery else scenarios,
+        "scenarios": [*DEFAULT_BATTERY] if is_full else [battery] if battery else scenarios,
+        "full": is_full,
         "episodes": results["episodes"],
         "seed": results["seed"],
     }

@@ -6,10 +6,10 @@ that no evaluation episode has a part in the choice.
 
 The separation of a scenario is an estimate of the variance between the true success rates of the policies. It is the
 variance of the measured success rates, minus the part that chance explains: the mean of p (1 − p) / (n − 1) for the
-success rates p in n episodes.
+success rates p in n episodes. A test compares the levels of the battery with the file, by `choose_levels`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ from quad_env.seeding import episode_seeds
 from research.pages.csv_text import to_csv
 from train.curriculum import with_terrain_seed
 
+SUCCESS = " success"
+"""End of the name of a column with success rates; the name of the policy is before it."""
 LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31)}
 """Name of an option -> smallest and largest valid value."""
 
@@ -105,7 +107,7 @@ def measure_severities(compared: Sequence[LabelledPolicy], options: SeveritiesOp
             "severity": cell.scenario.severity,
             "episodes": options.episodes,
             "separation": compute_separation(list(own_rates.values()), options.episodes),
-            **{f"{policy.label} success": own_rates[policy.label] for policy in compared},
+            **{f"{policy.label}{SUCCESS}": own_rates[policy.label] for policy in compared},
         }
 
 
@@ -121,7 +123,28 @@ def compute_separation(rates: Sequence[float], episodes: int) -> float:
     """
     measured = np.asarray(rates, np.float64)
     by_chance = measured * (1.0 - measured) / (episodes - 1)
-    return float(measured.var(ddof=1) - by_chance.mean())
+    # Rounding makes equal separations equal to the bit.
+    return round(float(measured.var(ddof=1) - by_chance.mean()), 9)
+
+
+def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Return the level of each disturbance axis that separates the policies most.
+
+    If several levels have the same separation, the level with a mean success rate closest to one half is chosen, and
+    the mildest of these. A harder level can separate policies that all succeed, a milder one policies that all fail.
+
+    Args:
+        rows: Rows of the table of results: name of the column -> value.
+
+    Returns:
+        Name of the axis -> number of the level, from 1.
+    """
+    best: dict[str, tuple[float, float, int]] = {}
+    for row in rows:
+        rates = [float(value) for column, value in row.items() if column.endswith(SUCCESS)]
+        rank = (float(row["separation"]), -abs(float(np.mean(rates)) - 0.5), -int(row["level"]))
+        best[row["axis"]] = max(best.get(row["axis"], rank), rank)
+    return {axis: -negative_level for axis, (_, _, negative_level) in best.items()}
 
 
 def _load_policies(names: Sequence[str]) -> list[LabelledPolicy]:

@@ -78,7 +78,7 @@ def test_runs_until_settled_hold_their_level_and_looks_at_5_percent_each_would_b
     assert settled.simulate_runs(ALIKE, 300, seed=2)["wrong"] <= 0.05
     assert settled.simulate_runs(settled.Battery((0,) * 6, 12), 60, seed=2)["wrong"] <= 0.05
     monkeypatch.setattr(
-        sequential, "nominal_levels", lambda most, policies: dict.fromkeys(sequential.looks(most), 0.05)
+        sequential, "nominal_levels", lambda most, policies, _=None: dict.fromkeys(sequential.looks(most), 0.05)
     )
     assert settled.simulate_runs(ALIKE, 300, seed=2)["wrong"] > 0.075
 

@@ -143,11 +143,19 @@ def test_the_command_and_versions_that_made_the_results_are_named(folder) -> Non
         assert words in readme(folder, FOUND | changes)
 
 
-@pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
-def test_a_battery_is_called_by_its_name(battery, words, folder) -> None:
+@pytest.mark.parametrize(
+    ("battery", "episodes", "words"),
+    [
+        ("default", 24, " --full"),
+        ("default", 20, " --full --episodes 20"),
+        ("quick", 20, " --episodes 20"),
+        ("full", 20, " --scenarios full"),
+    ],
+)
+def test_a_battery_is_called_by_its_name(battery, episodes, words, folder) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 20})
+    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": episodes})
 
 
 def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_policies_without_any_in_a_sentence(

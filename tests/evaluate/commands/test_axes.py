@@ -58,7 +58,7 @@ def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
     words = (
         "--policies stand --episodes 5 --servo 40/1.5 --actuator motor --sensors typical --estimator kalman --at-once 2"
     )
-    words += " --baseline trot --until settled --simulator drake --quick --out out"
+    words += " --baseline trot --until settled --simulator drake --quick --full --minutes 1 --out out"
     assert main(["axes", "push", *words.split(), "--scenarios", "flat"]) == 0
     assert main([*words.split(), "--scenarios", "push:all", "flat"]) == 0
     assert asked[0] == asked[1] != EvaluateOptions()

@@ -19,11 +19,12 @@ import pytest
 from evaluate.__main__ import COMMANDS, main
 from evaluate.cells import evaluation_seeds
 from evaluate.commands import options as default
+from evaluate.rollouts.battery import resolve
 from quad_env.cli.program import options_class
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_plot, test_replay, test_table
-from tests.evaluate.records import test_extension, test_parts, test_resume, test_settled
+from tests.evaluate.records import test_extension, test_parts, test_resume, test_settled, test_time_limit
 from tests.evaluate.rollouts import test_cluster
 from tests.quad_env.robots.made import Made
 from tests.seams import short_episodes
@@ -103,8 +104,8 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "quick": Effect(
             "--quick",
             SCENARIOS,
-            ["flat", "push", "rough", "push:4", "rough:4", "steady", "flat+hardware"],
-            given=SHORT.replace("--scenarios flat ", ""),
+            [scenario.name for scenario in resolve(("quick",))],
+            given=SHORT.replace("--scenarios flat ", "").replace("--episodes 5", "--episodes 1"),
         ),
         "hardware": Effect("--hardware", HARDWARE, [("flat+hardware", True, True)], given=SHORT),
     },
@@ -154,6 +155,8 @@ ELSEWHERE = {
         "add": test_extension.test_a_policy_is_added_and_only_its_episodes_are_simulated,
         "part": test_parts.test_parts_in_any_order_are_one_run,
         "ray": test_cluster.test_an_evaluation_has_the_bytes_of_local_workers_though_ray_workers_are_killed,
+        "minutes": test_time_limit.test_it_ends_at_its_limit_after_whole_rounds_with_equal_episodes_of_every_policy,
+        "full": test_time_limit.test_other_options_have_a_fixed_number_of_episodes_unless_they_name_minutes,
         "until": test_settled.test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so,
         "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },

@@ -59,9 +59,12 @@ def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, caps
     assert "identical to the bit" in capsys.readouterr().out
 
 
-def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:
-    plan = check(EvaluateOptions(out=tmp_path))
-    battery = [scenario.name for scenario in BATTERIES["default"](SIMPLE_QUAD)]
+@pytest.mark.parametrize("full", [False, True])
+def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(
+    tmp_path, full
+) -> None:
+    plan = check(EvaluateOptions(out=tmp_path, full=full))
+    battery = [scenario.name for scenario in BATTERIES["default" if full else "quick"](SIMPLE_QUAD)]
     article = ("document", "document_repaired")
     assert list(plan.manifest.policies) == [*article, *WALKING_POLICIES]
     assert plan.manifest.only_on == dict.fromkeys(article, ("flat",))
@@ -85,7 +88,7 @@ def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
 def test_trained_policies_of_the_default_that_a_robot_has_not_are_left_out_in_a_line(capsys, tmp_path) -> None:
     own = HardwareConfig(robot=str(Made().write(tmp_path, "dog.xml")))
     compared = select_policies(DEFAULT_POLICIES, resolve(("flat",), own.robot_model), own)
-    named = ["trot", "trot_feedback", "trot_integral"]
+    named = ["trot", "trot_feedback", "trot_integral", "mpc_wbc"]
     assert [policy.label for policy in compared] == ["document", "document_repaired", *named]
     said = capsys.readouterr().err
     assert said == "left out, since dog has no such trained policy: residual, robust\n"

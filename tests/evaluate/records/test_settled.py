@@ -128,7 +128,7 @@ def test_a_changed_number_of_episodes_is_seen(settled, tmp_path) -> None:
     assert (code, "has been changed" in said) == (2, True)
 
 
-@pytest.mark.parametrize("words", ["trot --quick", "trot stand@flat --quick", "stand trot@push --quick"])
+@pytest.mark.parametrize("words", ["trot --quick", "trot stand@flat --quick", "stand trot@steady --quick"])
 def test_a_run_without_a_ranking_is_refused(tmp_path, no_simulation, words) -> None:
     code, said = evaluate(*words.split(), "--until", "settled", "--out", tmp_path)
     assert (code, said.count("\n"), "two policies or more" in said) == (2, 1, True), said
@@ -141,7 +141,7 @@ def test_the_most_episodes_are_96_by_default_and_no_other_option_is_needed_to_go
         EvaluateOptions().max_episodes,
         EvaluateOptions(until="settled").max_episodes,
         EvaluateOptions(until="settled", episodes=40).max_episodes,
-    ) == (20, 96, 40)
+    ) == (48, 96, 40)
     kept = EvaluateOptions(until="settled").run_options()
     assert command(kept) == "python -m evaluate --episodes 96 --until settled"
     assert EvaluateOptions(**options_from_json(kept)).run_options() == kept

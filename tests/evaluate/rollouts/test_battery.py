@@ -22,11 +22,26 @@ def test_a_level_and_all_levels_of_an_axis() -> None:
     assert battery.resolve(("push:3",))[0].severity == AXES["push"].levels[2]
 
 
-@pytest.mark.parametrize("name", ["quick", "full", "all"])
+@pytest.mark.parametrize("name", ["default", "full", "all"])
 def test_a_battery_has_the_nominal_three_and_no_scenario_twice(name) -> None:
     scenarios = battery.resolve((name,))
     assert {"flat", "push", "rough"} <= {scenario.name for scenario in scenarios}
     assert len({replace(scenario, name="") for scenario in scenarios}) == len(scenarios)
+
+
+def test_the_quick_battery_has_every_axis_at_one_severity_of_the_default_battery_in_both_worlds() -> None:
+    quick = battery.resolve(("quick",))
+    worlds = {
+        hardware: [each for each in quick if each.hardware == hardware and each.axis] for hardware in (False, True)
+    }
+    for scenarios in worlds.values():
+        assert [each.axis for each in scenarios] == list(AXES)
+    assert [each.severity for each in worlds[False]] == [each.severity for each in worlds[True]]
+    own = {each.name: each for each in quick if not each.hardware}
+    default = {each.name: each for each in battery.resolve(("default",))}
+    assert own.items() <= default.items()
+    assert {"flat", "steady"} <= set(own)
+    assert len({replace(each, name="") for each in quick}) == len(quick)
 
 
 def test_the_full_battery_has_every_severity_of_every_axis() -> None:

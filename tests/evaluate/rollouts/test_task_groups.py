@@ -218,6 +218,52 @@ def test_groups_hold_no_more_rows_than_allowed_and_no_policy_twice() -> None:
     assert grouped(*stands(1), chunks=4) == [(0,), (1,), (2,), (3,)]
 
 
+def test_a_group_has_several_scenarios_of_one_world_and_the_first_groups_have_one_each(scenarios) -> None:
+    pushes, rough, real = scenarios
+    members = stands(2)
+    tasks = [
+        Task(each, scenario, np.arange(4), 7 + np.arange(4), STEPS, IDEAL)
+        for scenario in (pushes, rough, real)
+        for each in members
+    ]
+    assert group_tasks(tasks, 256) == [(0, 1, 2, 3), (4, 5)]
+    assert group_tasks(tasks, 12) == [(0, 1, 2), (3,), (4, 5)]
+    assert group_tasks(tasks, 256, num_small=1) == [(0, 1), (2, 3), (4, 5)]
+
+
+def test_a_policy_acts_once_for_its_robots_of_all_scenarios(scenarios) -> None:
+    class Counted(Stand):
+        """Policy that records the number of robots of each call."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.rows: list[int] = []
+
+        def _act(self, observation):
+            self.rows.append(len(observation))
+            return super()._act(observation)
+
+    counted = Counted()
+    how = RunSettings(1, lambda *_: None, steps=STEPS, executor=sequential(1, 256))
+    labelled = [LabelledPolicy("counted", counted), LabelledPolicy("other", Stand())]
+    list(run_cells(labelled, scenarios[:2], evaluation_seeds(0, EPISODES), how))
+    assert counted.rows == [2 * EPISODES] * STEPS
+
+
+def test_policies_that_can_stop_before_their_reset_run_together(scenarios) -> None:
+    class Stoppable(Stand):
+        """Policy that has the signal of a safety layer from its construction on."""
+
+        @property
+        def stopped(self):
+            return np.zeros(self.num_envs, np.bool_)
+
+    how = RunSettings(1, lambda *_: None, steps=STEPS, executor=sequential(1, 256))
+    labelled = [LabelledPolicy(name, Stoppable()) for name in ("first", "second")]
+    cells = list(run_cells(labelled, scenarios[:2], evaluation_seeds(0, EPISODES), how))
+    assert [cell.episodes for cell in cells] == [EPISODES] * 4
+
+
 def test_policies_that_need_another_environment_run_apart(tmp_path) -> None:
     sighted = LabelledPolicy("sighted", policies.make("mpc_wbc_sighted"))
     slow = stands(1, control_period=0.02)

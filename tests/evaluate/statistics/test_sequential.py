@@ -54,6 +54,14 @@ def test_a_single_look_is_an_ordinary_test_corrected_for_the_neighbours() -> Non
     assert correction(1, 1, 6) == pytest.approx(1.0)
 
 
+def test_a_time_limit_before_the_first_look_is_an_ordinary_test_and_six_policies_need_eight_episodes() -> None:
+    for episodes, is_enough in ((7, False), (8, True)):
+        levels = nominal_levels(48, 6, stopped_at=episodes)
+        assert levels == {episodes: pytest.approx(0.009)}
+        assert (2.0 / 2**episodes < levels[episodes]) == is_enough
+        assert correction(episodes, 48, 6, is_last=True) == pytest.approx(1.0)
+
+
 def test_a_corrected_p_value_is_significant_in_a_report_where_its_look_distinguishes() -> None:
     assert pytest.approx(RANKING_WEIGHT * SIGNIFICANT) == LEVEL
     for episodes, level in nominal_levels(96, 6).items():

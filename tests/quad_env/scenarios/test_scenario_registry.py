@@ -54,7 +54,7 @@ def test_domain_randomisation_is_asked_for_at_the_end_of_a_name(name: str) -> No
 
 def test_whole_batteries_are_randomised() -> None:
     quick = battery.resolve(("quick",))
-    assert [each.name for each in battery.resolve(("quick+randomised",))][:3] == [
+    assert [each.name for each in battery.resolve(("all+randomised",))][:3] == [
         "flat+randomised",
         "push+randomised",
         "rough+randomised",
