@@ -30,26 +30,27 @@ NOMINAL = "flat"
 QUICK_LEVELS = {
     "flat": 2,
     "push": 3,
-    "rough": 3,
-    "force": 3,
-    "slope": 4,
+    "rough": 2,
+    "force": 2,
+    "slope": 5,
     "stairs": 3,
-    "gravel": 3,
-    "soft": 4,
-    "slippery": 3,
-    "payload": 3,
+    "gravel": 2,
+    "soft": 3,
+    "slippery": 2,
+    "payload": 4,
     "weak_motors": 4,
     "slow_motors": 4,
     "latency": 3,
     "noise": 3,
     "dropout": 4,
     "surprise": 3,
-    "slow": 1,
+    "slow": 2,
 }
 """Name of a disturbance axis -> number of its severity level in the battery `quick`; level 1 is the mildest.
 
 It is the level of the battery `default` that separates the policies most, by `python -m research severities`, which
-uses other episodes than an evaluation. The axis `flat` has its nominal level, on which `document` runs.
+uses other episodes than an evaluation. The axis `flat` has its nominal level, on which `document` runs. An axis that
+was not measured has the level after the nominal one.
 """
 LEVELS_ABOVE_NOMINAL = 2
 """Number of severity levels above the nominal level that the battery `default` has on each disturbance axis.

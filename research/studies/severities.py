@@ -130,8 +130,8 @@ def compute_separation(rates: Sequence[float], episodes: int) -> float:
 def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     """Return the level of each disturbance axis that separates the policies most.
 
-    If several levels have the same separation, the level with a mean success rate closest to one half is chosen, and
-    the mildest of these. A harder level can separate policies that all succeed, a milder one policies that all fail.
+    If several levels have the same separation, the level with a mean success rate closest to one half is chosen. Among
+    levels with the same rate, it is the hardest if policies succeed in most episodes, and otherwise the mildest.
 
     Args:
         rows: Rows of the table of results: name of the column -> value.
@@ -139,12 +139,14 @@ def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     Returns:
         Name of the axis -> number of the level, from 1.
     """
-    best: dict[str, tuple[float, float, int]] = {}
+    best: dict[str, tuple[float, float, int, int]] = {}
     for row in rows:
         rates = [float(value) for column, value in row.items() if column.endswith(SUCCESS)]
-        rank = (float(row["separation"]), -abs(float(np.mean(rates)) - 0.5), -int(row["level"]))
+        level = int(row["level"])
+        mean = float(np.mean(rates))
+        rank = (float(row["separation"]), -abs(mean - 0.5), level if mean > 0.5 else -level, level)
         best[row["axis"]] = max(best.get(row["axis"], rank), rank)
-    return {axis: -negative_level for axis, (_, _, negative_level) in best.items()}
+    return {axis: level for axis, (_, _, _, level) in best.items()}
 
 
 def _load_policies(names: Sequence[str]) -> list[LabelledPolicy]:
