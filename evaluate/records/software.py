@@ -6,7 +6,7 @@ from importlib import metadata
 from evaluate.records.manifest import NOT_COMPARED
 from evaluate.records.provenance import SOURCES, code_digest, cpu_model, versions
 
-CODE_LENGTH = 12
+CODE_LENGTH = 16
 """Number of characters of the hash of the code that error messages show."""
 
 
