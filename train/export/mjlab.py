@@ -60,8 +60,8 @@ def _metadata(network: PlainNetwork) -> dict[str, str]:
         "command_names": COMMAND,
         "observation_names": ",".join(TERMS[term.name] for term in spec.terms),
         "observation_terms_scale": ",".join(_format(term.scale, ";") for term in spec.terms),
-        "observation_terms_flatten_history_dim": ",".join("True" for _ in spec.terms),
-        "observation_terms_history_length": ",".join(str(term.history) for term in spec.terms),
+        "observation_terms_flatten_history_dim": ",".join("1.000" for _ in spec.terms),
+        "observation_terms_history_length": ",".join(f"{term.history:.3f}" for term in spec.terms),
         "observation_terms_clip": ",".join("-inf;inf" for _ in spec.terms),
         "action_scale": _format(spec.action_scale),
     }

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from policies.external.packages import import_package
+from policies.external.packages import check_package, import_package
 from policies.network import LIMIT
 from train.export.plain_network import PlainNetwork
 
@@ -85,6 +85,7 @@ def write_torchscript(network: PlainNetwork, file: Path) -> None:
         network: Plain network.
         file: File to write; its folder is made if it is missing.
     """
+    check_package("torch", "train")
     # The module is imported here, because the import of torch takes seconds.
     from train.export.torch_module import save_torchscript
 

@@ -97,10 +97,11 @@ def plain_network(policy: ResidualPolicy, source: str, describes_all: bool = Fal
     weights = [each.astype(np.float64) for each in policy.network.weights]
     weights[0] = columns @ weights[0]
     biases = [each.astype(np.float64) for each in policy.network.biases]
-    scale = policy.authority.astype(np.float64)
-    shift = joints.signs * (_base_pose(policy) - robot.home_pose) / scale
-    weights[-1] = weights[-1] * joints.signs
-    biases[-1] = biases[-1] * joints.signs + shift
+    authority = policy.authority.astype(np.float64)
+    factors = joints.signs * authority / _action_scale(policy)
+    shift = joints.signs * (_base_pose(policy) - robot.home_pose) / _action_scale(policy)
+    weights[-1] = weights[-1] * factors
+    biases[-1] = biases[-1] * factors + shift
     limits = _output_limits(policy, joints, shift)
     spec = _describe(policy, joints, terms)
     return _without_ignored_terms(
@@ -115,8 +116,6 @@ def _check_base(policy: ResidualPolicy, source: str) -> None:
             f"{source}: it corrects the controller {policy.base.name}, which a network file cannot hold",
             f"distil it into a network first: python -m train --teacher {source} --out runs/student",
         )
-    if not (policy.authority > 0.0).all():
-        raise PolicyError(f"{source}: authority: a joint has none, got {policy.authority.tolist()}; valid: above 0 rad")
 
 
 def _check_inputs(policy: ResidualPolicy, source: str, describes_all: bool) -> None:
@@ -149,6 +148,15 @@ def _lag_steps(policy: ResidualPolicy, lag: float) -> int:
     return max(round(lag / policy.control_period), 1)
 
 
+def _action_scale(policy: ResidualPolicy) -> Floats:
+    """Return the change of each joint target per unit of the plain network's output, (12,), rad.
+
+    It is the authority of the policy, or 1 for a joint that the policy does not correct.
+    """
+    authority = policy.authority.astype(np.float64)
+    return np.where(authority > 0.0, authority, 1.0)
+
+
 def _base_pose(policy: ResidualPolicy) -> Floats:
     """Return the joint targets of the base policy, (12,), rad, within the joint limits."""
     assert isinstance(policy.base, Stand)
@@ -162,10 +170,11 @@ def _output_limits(policy: ResidualPolicy, joints: JointMapping, shift: Floats) 
     """
     low, high = policy.robot.action_limits
     ends = joints.signs * (np.stack((low, high)).astype(np.float64) - policy.robot.home_pose)
-    ends = np.sort(ends / policy.authority.astype(np.float64), axis=0)
+    ends = np.sort(ends / _action_scale(policy), axis=0)
     if not policy.bounded:
         return ends[0], ends[1]
-    return np.clip(ends[0], shift - 1.0, shift + 1.0), np.clip(ends[1], shift - 1.0, shift + 1.0)
+    reach = policy.authority / _action_scale(policy)
+    return np.clip(ends[0], shift - reach, shift + reach), np.clip(ends[1], shift - reach, shift + reach)
 
 
 def _lay_out(policy: ResidualPolicy, joints: JointMapping, describes_all: bool) -> tuple[tuple[SpecTerm, ...], Floats]:
@@ -241,7 +250,7 @@ def _observation_terms(policy: ResidualPolicy, joints: JointMapping) -> Iterator
         scale = table.scale[part].astype(np.float64)
         factors = joints.signs if name in _JOINT_TERMS else np.ones(len(scale))
         if name == "previous_action":
-            factors = joints.signs * policy.authority * scale
+            factors = joints.signs * _action_scale(policy) * scale
             scale = np.ones(len(scale))
         yield SpecTerm(name, scale=_short(scale)), np.diag(factors)
 
@@ -278,7 +287,7 @@ def _describe(policy: ResidualPolicy, joints: JointMapping, terms: tuple[SpecTer
         control_rate=1.0 / (policy.hold * policy.control_period),
         joints=tuple(robot.joint_names),
         default_position=tuple(home.tolist()),
-        action_scale=tuple(policy.authority.astype(np.float64).tolist()),
+        action_scale=tuple(_action_scale(policy).tolist()),
         stiffness=tuple(robot.servo_stiffness.tolist()),
         damping=tuple(robot.servo_damping.tolist()),
         terms=terms,

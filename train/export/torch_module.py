@@ -40,7 +40,7 @@ class PlainModule(torch.nn.Module):
 
 def save_torchscript(network: PlainNetwork, file: Path) -> None:
     """Write a plain network to a TorchScript file."""
-    module = PlainModule(network).eval()
+    module = PlainModule(network).eval().requires_grad_(False)
     with torch.no_grad(), warnings.catch_warnings():
         # PyTorch advises other formats than TorchScript, but the projects of these files read TorchScript.
         warnings.simplefilter("ignore", DeprecationWarning)

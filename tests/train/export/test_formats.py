@@ -1,12 +1,17 @@
 """Deployment files: each format describes the policy that was exported, and names what it cannot describe."""
 
+import contextlib
 import runpy
+import warnings
 from pathlib import Path
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
+import torch
 import yaml
+from onnxruntime import InferenceSession
 
 from policies import bundle
 from policies.base import PolicyError
@@ -92,6 +97,28 @@ def test_signs_of_the_model_file_are_those_of_the_policy_file(to: str, tmp_path:
     assert difference(policy, to, tmp_path / "out") < TOLERANCE
 
 
+@pytest.mark.parametrize("bounded", [True, False])
+def test_a_joint_that_is_never_corrected_keeps_its_base_pose(bounded: bool, tmp_path: Path) -> None:
+    policy = make_policy(SIMPLE_QUAD, NO_HISTORY, bounded=bounded)
+    policy.authority[::3] = 0.0
+    assert difference(policy, "toml", tmp_path / "out") < TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("to", "torchscript"), [("isaac-lab", "exported/policy.pt"), ("rl-sar", "simple_quad/policy.pt")]
+)
+def test_both_network_files_of_an_export_are_one_network(to: str, torchscript: str, tmp_path: Path) -> None:
+    export(make_policy(SIMPLE_QUAD, NO_HISTORY), "mine", to, tmp_path / "out")
+    session = InferenceSession(tmp_path / "out" / FORMATS[to].onnx)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        module = torch.jit.load(tmp_path / "out" / torchscript)
+    observations = np.random.default_rng(0).standard_normal((20, 1, 48)).astype(np.float32)
+    for observation in observations:
+        (actions,) = session.run(None, {"obs": observation})
+        np.testing.assert_allclose(module(torch.from_numpy(observation)).numpy(), actions, atol=TOLERANCE)
+
+
 def test_a_clock_hidden_at_rest_is_in_the_toml(tmp_path: Path) -> None:
     policy = make_policy(SIMPLE_QUAD, Inputs(clock=2.2, clock_at_rest="hidden"))
     assert difference(policy, "toml", tmp_path / "out") < TOLERANCE
@@ -164,6 +191,25 @@ def test_the_program_of_an_export_observes_as_the_readers_do(inputs: Inputs, tmp
         np.testing.assert_allclose(targets, action, atol=1e-5)
         previous = action - policy.robot.home_pose
         mujoco.mj_step(model, data, 5)
+
+
+@pytest.mark.parametrize("scenario", ["flat", "push"])
+def test_the_policy_read_back_walks_as_the_shipped_policy(scenario: str, tmp_path: Path, repository: Path) -> None:
+    policy = bundle.load(repository / "models/end_to_end")
+    export(policy, "end_to_end", "toml", tmp_path / "out")
+    copy = read_back(policy, tmp_path / "out/policy.toml")
+    with contextlib.closing(gym.make_vec("SimpleQuad-v0", num_envs=3, robot=policy.robot, scenario=scenario)) as env:
+        observation, _ = env.reset(seed=1, options={"command": (0.5, 0.0, 0.0)})
+        for each in (policy, copy):
+            each.reset(3, 0)
+        velocities = []
+        for _ in range(200):
+            action = copy.act(observation)
+            np.testing.assert_allclose(policy.act(observation), action, atol=3 * TOLERANCE)
+            observation, _, terminated, _, info = env.step(action)
+            assert not terminated.any()
+            velocities.append(info["heading_velocity"][:, 0])
+    np.testing.assert_allclose(np.mean(velocities[100:], axis=0), 0.5, atol=0.15)
 
 
 @pytest.mark.parametrize("to", sorted({*FORMATS} - {"unitree"}))
