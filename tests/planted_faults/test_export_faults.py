@@ -23,8 +23,9 @@ TOLERANCE = 1e-6
 
 def differences(to: str) -> tuple[float, float]:
     """Return the differences of the joint targets, rad, and of the gains between a policy and its export."""
+    clock: dict[str, Any] = {"clock": 2.2, "clock_at_rest": "hidden"} if to in ("unitree", "isaac-lab", "toml") else {}
     history = () if to == "rl-sar" else (0.02, 0.06)
-    policy = make_policy(get_robot("go2"), Inputs(lags=history), ignored=("linear_velocity",))
+    policy = make_policy(get_robot("go2"), Inputs(lags=history, **clock), ignored=("linear_velocity",))
     network = plain_network.plain_network(policy, "mine")
     with TemporaryDirectory() as folder:
         FORMATS[to].write(network, Path(folder))
@@ -96,6 +97,10 @@ def newest_first(layout: tuple[Any, np.ndarray]) -> tuple[Any, np.ndarray]:
     return terms, np.concatenate(flipped)
 
 
+def without_gate(network: PlainNetwork) -> PlainNetwork:
+    return replace(network, gate=None)
+
+
 def gravity_up(terms: Any) -> list[Any]:
     return [(term, -factors if term.name == "projected_gravity" else factors) for term, factors in terms]
 
@@ -105,6 +110,7 @@ FAULTS: Faults = {
         changed(unitree, "motors_of_joints", exchange_front_legs),
         check_unitree_s_file_is_the_policy,
     ),
+    "clock runs at rest": (changed(unitree, "with_clock_gate", without_gate), check_unitree_s_file_is_the_policy),
     "names of FR and FL exchanged": (changed(mjlab, "_metadata", exchange_names), check_mjlab_s_file_is_the_policy),
     "stiffness in degrees": (changed(rl_sar, "_config", gains_in_degrees), check_rl_sar_s_file_is_the_policy),
     "action scale twice in the file": (

@@ -144,6 +144,8 @@ def largest_difference(policy: Policy, copy: Policy) -> float:
         observation = _observe(random, table)
         if step % NUM_COMMAND_STEPS:
             observation[:, table.slices["command"]] = command
+        elif step // NUM_COMMAND_STEPS % 2:
+            observation[:, table.slices["command"]] = 0.0
         command = observation[:, table.slices["command"]]
         observation[:, table.slices["previous_action"]] = previous
         action = policy.act(observation)

@@ -13,7 +13,7 @@ import numpy as np
 from policies.external.spec import SpecTerm
 from train.export.export_format import ExportFormat, check_terms, command_ranges, write_yaml
 from train.export.network_files import write_onnx, write_torchscript
-from train.export.plain_network import PlainNetwork
+from train.export.plain_network import PlainNetwork, with_clock_gate
 
 _OBSERVATIONS = "isaaclab.envs.mdp.observations"
 TERMS = {
@@ -45,11 +45,12 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
     Returns:
         The network as written.
     """
-    check_terms(network, TERMS, FORMAT.name)
-    write_onnx(network, folder / FORMAT.onnx)
-    write_torchscript(network, folder / TORCHSCRIPT)
-    write_yaml(_settings(network), folder / FORMAT.settings)
-    return network
+    written = with_clock_gate(network)
+    check_terms(written, TERMS, FORMAT.name)
+    write_onnx(written, folder / FORMAT.onnx)
+    write_torchscript(written, folder / TORCHSCRIPT)
+    write_yaml(_settings(written), folder / FORMAT.settings)
+    return written
 
 
 def _settings(network: PlainNetwork) -> dict[str, Any]:

@@ -46,7 +46,9 @@ def _graph(onnx: Any, network: PlainNetwork) -> Any:
     limits = {"layer.min": -LIMIT, "layer.max": LIMIT}
     nodes = [onnx.helper.make_node("Constant", [], [name], value_float=value) for name, value in limits.items()]
     last = len(network.weights) - 1
-    values = INPUT
+    values = INPUT if network.gate is None else "gated"
+    if network.gate is not None:
+        nodes += _gate_nodes(onnx)
     for index in range(last + 1):
         sums = f"{index}.sums"
         nodes.append(onnx.helper.make_node("Gemm", [values, f"{index}.weight", f"{index}.bias"], [sums]))
@@ -67,6 +69,16 @@ def _graph(onnx: Any, network: PlainNetwork) -> Any:
     return onnx.helper.make_graph(nodes, "policy", inputs, outputs, tensors)
 
 
+def _gate_nodes(onnx: Any) -> list[Any]:
+    """Return the nodes that hide the clock at rest, see `PlainNetwork.gate`."""
+    return [
+        onnx.helper.make_node("Abs", [INPUT], ["magnitudes"]),
+        onnx.helper.make_node("Gemm", ["magnitudes", "gate.weight", "gate.bias"], ["motion"]),
+        onnx.helper.make_node("Sign", ["motion"], ["is_shown"]),
+        onnx.helper.make_node("Mul", [INPUT, "is_shown"], ["gated"]),
+    ]
+
+
 def _tensors(network: PlainNetwork) -> dict[str, Any]:
     """Return the constants of the ONNX graph: name -> array."""
     layers = enumerate(zip(network.weights, network.biases, strict=True))
@@ -75,6 +87,8 @@ def _tensors(network: PlainNetwork) -> dict[str, Any]:
         for index, layer in layers
         for kind, value in zip(("weight", "bias"), layer, strict=True)
     }
+    if network.gate is not None:
+        tensors |= {"gate.weight": network.gate, "gate.bias": network.gate_bias}
     return tensors | {"action.min": network.min_action[None], "action.max": network.max_action[None]}
 
 

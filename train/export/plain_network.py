@@ -64,6 +64,16 @@ class PlainNetwork:
     """Control period of the environment, s."""
     hold: int
     """Number of control steps of the environment for which the policy holds an action."""
+    gate: Floats | None = None
+    """Matrix of a clock that the network hides at rest, (inputs, inputs); None for no such clock.
+
+    The inputs are multiplied by sign(absolute inputs @ gate + gate bias), which is 0 or 1."""
+
+    @property
+    def gate_bias(self) -> Floats:
+        """Bias of the gate, (inputs,): 1 for inputs that the gate never hides, else 0."""
+        assert self.gate is not None
+        return np.where(self.gate.any(axis=0), 0.0, 1.0)
 
     @property
     def rows(self) -> dict[str, slice]:
@@ -295,13 +305,44 @@ def _describe(policy: ResidualPolicy, joints: JointMapping, terms: tuple[SpecTer
 
 
 def _without_ignored_terms(network: PlainNetwork) -> PlainNetwork:
-    """Return the network without the terms that have only weights of zero; one term is kept in any case."""
+    """Return the network without the terms that have only weights of zero; one term is kept in any case.
+
+    The command is kept if a clock is hidden at rest, because the network then depends on it.
+    """
     first = network.weights[0]
+    hides_clock = any(term.zero_below for term in network.spec.terms)
     is_used = {name: bool(first[rows].any()) for name, rows in network.rows.items()}
+    if "command" in is_used:
+        is_used["command"] |= hides_clock
     names = [name for name, used in is_used.items() if used] or [network.spec.terms[0].name]
     terms = tuple(term for term in network.spec.terms if term.name in names)
     kept: NDArray[np.float64] = np.concatenate([first[network.rows[term.name]] for term in terms])
     return replace(network, spec=replace(network.spec, terms=terms), weights=(kept, *network.weights[1:]))
+
+
+def with_clock_gate(network: PlainNetwork) -> PlainNetwork:
+    """Return a network that hides its clock at rest itself, for formats with a clock that always runs.
+
+    The network without a hidden clock, or without a command, is returned unchanged.
+
+    Args:
+        network: Plain network.
+
+    Returns:
+        Network with the same outputs, and with a clock that always runs.
+    """
+    rows = network.rows
+    clock = next((term for term in network.spec.terms if term.zero_below), None)
+    if clock is None or "command" not in rows:
+        return network
+    inputs = np.arange(len(network.weights[0]))
+    command_inputs = inputs[rows["command"]].reshape(-1, 3)
+    clock_inputs = inputs[rows[clock.name]].reshape(-1, 2)
+    gate = np.zeros((len(inputs), len(inputs)))
+    for command_step, clock_step in zip(command_inputs[::-1], clock_inputs[::-1], strict=False):
+        gate[np.ix_(command_step, clock_step)] = 1.0
+    terms = tuple(replace(term, zero_below=0.0) for term in network.spec.terms)
+    return replace(network, spec=replace(network.spec, terms=terms), gate=gate)
 
 
 def with_folded_scales(network: PlainNetwork, *names: str) -> PlainNetwork:

@@ -26,12 +26,15 @@ class PlainModule(torch.nn.Module):
         self.layers = torch.nn.ModuleList(
             _linear(weight, bias) for weight, bias in zip(network.weights, network.biases, strict=True)
         )
+        if network.gate is not None:
+            self.gate = _linear(network.gate, network.gate_bias)
+        self.has_gate = network.gate is not None
         self.register_buffer("min_action", _tensor(network.min_action))
         self.register_buffer("max_action", _tensor(network.max_action))
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """Return the actions, (n, 12), for the `observation`, (n, inputs)."""
-        values = observation
+        values = observation * self.gate(observation.abs()).sign() if self.has_gate else observation
         for layer in self.layers[:-1]:
             values = torch.nn.functional.elu(layer(values)).clamp(-LIMIT, LIMIT)
         actions = self.layers[-1](values)

@@ -16,7 +16,7 @@ from policies.external.readers.joint_orders import UNITREE_MOTORS
 from policies.external.spec import SpecTerm
 from train.export.export_format import ExportFormat, check_terms, command_ranges, to_list, write_yaml
 from train.export.network_files import write_onnx
-from train.export.plain_network import PlainNetwork
+from train.export.plain_network import PlainNetwork, with_clock_gate
 
 TERMS = {
     "angular_velocity": "base_ang_vel",
@@ -42,10 +42,11 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
     Returns:
         The network as written.
     """
-    check_terms(network, TERMS, FORMAT.name)
-    write_onnx(network, folder / FORMAT.onnx)
-    write_yaml(_settings(network), folder / FORMAT.settings)
-    return network
+    written = with_clock_gate(network)
+    check_terms(written, TERMS, FORMAT.name)
+    write_onnx(written, folder / FORMAT.onnx)
+    write_yaml(_settings(written), folder / FORMAT.settings)
+    return written
 
 
 def motors_of_joints(network: PlainNetwork) -> NDArray[np.intp]:

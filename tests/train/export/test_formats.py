@@ -119,14 +119,35 @@ def test_both_network_files_of_an_export_are_one_network(to: str, torchscript: s
         np.testing.assert_allclose(module(torch.from_numpy(observation)).numpy(), actions, atol=TOLERANCE)
 
 
-def test_a_clock_hidden_at_rest_is_in_the_toml(tmp_path: Path) -> None:
-    policy = make_policy(SIMPLE_QUAD, Inputs(clock=2.2, clock_at_rest="hidden"))
-    assert difference(policy, "toml", tmp_path / "out") < TOLERANCE
-    copy = read_back(policy, tmp_path / "out/policy.toml")
+@pytest.mark.parametrize("history", [1, 4])
+@pytest.mark.parametrize("to", CLOCKS)
+def test_a_clock_that_is_hidden_at_rest_is_read_back(to: str, history: int, tmp_path: Path) -> None:
+    terms = ("command", "joint_position", "projected_gravity")
+    inputs = Inputs(clock=2.2, clock_at_rest="hidden", terms=terms, history=history)
+    policy = make_policy(SIMPLE_QUAD, inputs)
+    assert difference(policy, to, tmp_path / "out") < TOLERANCE
+    copy = read_back(policy, tmp_path / "out" / FORMATS[to].settings)
+    # The command stops and starts within the history.
     for each in (policy, copy):
         each.reset(1, 0)
-    rest = np.zeros((1, 48), np.float32)
-    np.testing.assert_allclose(copy.act(rest), policy.act(rest), atol=TOLERANCE)
+    for step in range(40):
+        observation = np.zeros((1, 48), np.float32)
+        observation[0, -3:] = (0.0, 0.0, -0.2) if step % 12 < 6 else 0.0
+        np.testing.assert_allclose(copy.act(observation), policy.act(observation), atol=TOLERANCE)
+
+
+def test_a_clock_is_hidden_at_rest_if_the_network_ignores_the_command(tmp_path: Path) -> None:
+    inputs = Inputs(clock=2.2, clock_at_rest="hidden", lags=(0.02,))
+    policy = make_policy(get_robot("go2"), inputs, ignored=("linear_velocity", "command"))
+    assert difference(policy, "unitree", tmp_path / "out") < TOLERANCE
+
+
+def test_a_clock_that_is_hidden_by_no_command_is_refused(tmp_path: Path) -> None:
+    inputs = Inputs(clock=2.2, clock_at_rest="hidden", terms=("joint_position",))
+    with pytest.raises(
+        PolicyError, match=r"--to unitree: clock at rest \(clock_at_rest\): .* got hidden; valid: shown"
+    ):
+        export(make_policy(SIMPLE_QUAD, inputs), "mine", "unitree", tmp_path / "out")
 
 
 ALL_INPUTS = Inputs((0.01, 0.02, 0.04), (0.3, 1.5), clock=2.2, clock_gain=0.6, clock_limit=2.0, position_error=0.5)
@@ -240,10 +261,8 @@ def test_unitree_s_file_has_gains_by_motor_and_values_by_joint(tmp_path: Path) -
     assert {"lin_vel_x", "lin_vel_y", "ang_vel_z"} < written["commands"]["base_velocity"]["ranges"].keys()
 
 
-SIGHTLESS = {"ignored": ("linear_velocity",)}
 REFUSALS = {
     "linear velocity": ("unitree", NO_HISTORY, {}, "observation term: the format cannot say it, got linear_velocity"),
-    "hidden": ("unitree", Inputs(clock=2.0, clock_at_rest="hidden"), SIGHTLESS, "clock_at_rest.* got hidden; valid"),
     "mjlab clock": ("mjlab", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
     "mjlab rate": ("mjlab", NO_HISTORY, {"hold": 1}, "control rate: .* got 100 Hz; valid: 50 Hz"),
     "rl_sar clock": ("rl-sar", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
