@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import policies
 from evaluate.measures.metrics import measure
@@ -41,6 +41,10 @@ LEARN = re.compile(r"\.learn\(([\d_]+)\)")
 """Pattern of the call `.learn(STEPS)` in the README's code block, with the number of training steps."""
 MODEL = "mine.zip"
 """Name of the model file that the README's code block writes."""
+SCRIPT = "block.py"
+"""Name of the script with the code block of one seed, in the seed's folder."""
+TRAINED = "training.json"
+"""Name of the file with seed and processor time of a finished training, in the seed's folder."""
 STANDING = "stand"
 """Name of the policy for comparison, with which the robot stands."""
 SCENARIOS = "flat=1", "flat"
@@ -57,6 +61,8 @@ class SB3BlockOptions:
     """Number of evaluation episodes of 10 s for each policy and scenario."""
     evaluation_seed: int = 1
     """Seed of the evaluation episodes, >= 0, as `--seed` of `python -m evaluate`."""
+    purpose: Literal["evaluation", "search"] = "evaluation"
+    """Kind of the episodes: evaluation, held out from every choice; search, to choose the settings of the block."""
     page: Path = Path("README.md")
     """Page with the code block; results are written between `<!-- sb3 -->` and `<!-- /sb3 -->`."""
     record: Path = Path("docs/results/sb3_block.json")
@@ -88,14 +94,15 @@ def main(options: SB3BlockOptions) -> int:
         "steps": training_steps(block),
         "episodes": options.episodes,
         "evaluation_seed": options.evaluation_seed,
+        "purpose": options.purpose,
         "success_rule": SUCCESS_RULE,
         "versions": {name: versions()[name] for name in ("python", "mujoco", "numpy", "gymnasium")},
-        "standing": evaluate(STANDING, options.episodes, options.evaluation_seed),
+        "standing": evaluate(STANDING, options.purpose, options.evaluation_seed, options.episodes),
         "seeds": trained,
     }
     for entry in trained:
         model = options.out / f"seed-{entry['seed']}" / MODEL
-        entry["scenarios"] = evaluate(str(model), options.episodes, options.evaluation_seed)
+        entry["scenarios"] = evaluate(str(model), options.purpose, options.evaluation_seed, options.episodes)
         print(entry, flush=True)
     write_atomically(options.record, (json.dumps(record, indent=2) + "\n").encode())
     lines = markdown_lines(record)
@@ -143,6 +150,8 @@ def block_digest(block: str) -> str:
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
     """Run the README's code block, which trains a model, with a given seed in a given folder.
 
+    A training of the same block and seed that has finished in the folder is not repeated.
+
     Args:
         block: Source code of the block.
         seed: Training seed, which replaces 0 in the line `seed = 0`.
@@ -152,21 +161,37 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
         Dictionary: `seed`, training seed; `minutes`, processor time of the training, min.
     """
     make_writable_folder(folder)
-    script = folder / "block.py"
-    write_atomically(script, block.replace(SEED_LINE, f"seed = {seed}\n").encode())
+    script = folder / SCRIPT
+    code = block.replace(SEED_LINE, f"seed = {seed}\n").encode()
+    if (finished := _finished_training(folder, code)) is not None:
+        print(f"seed {seed}: {folder / MODEL} is of this block and is not trained again", flush=True)
+        return finished
+    (folder / TRAINED).unlink(missing_ok=True)
+    write_atomically(script, code)
     begin = time.process_time()
     with contextlib.chdir(folder):
         runpy.run_path(script.name, run_name="__main__")
-    return {"seed": seed, "minutes": round((time.process_time() - begin) / 60.0, 2)}
+    entry = {"seed": seed, "minutes": round((time.process_time() - begin) / 60.0, 2)}
+    write_atomically(folder / TRAINED, (json.dumps(entry) + "\n").encode())
+    return entry
 
 
-def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict[str, float]]:
+def _finished_training(folder: Path, code: bytes) -> dict[str, Any] | None:
+    """Return seed and processor time of the finished training of the script `code` in `folder`; None without one."""
+    files = folder / SCRIPT, folder / MODEL, folder / TRAINED
+    if not all(file.is_file() for file in files) or files[0].read_bytes() != code:
+        return None
+    return dict(json.loads(files[2].read_bytes()))
+
+
+def evaluate(policy: str, purpose: str, seed: int, episodes: int) -> dict[str, dict[str, float]]:
     """Evaluate a policy on each scenario in SCENARIOS, in episodes that training does not use.
 
     Args:
         policy: Name of a policy, or path of a model.
+        purpose: Purpose of the episodes, evaluation or search, see `quad_env.seeding.PURPOSES`.
+        seed: Seed of the episodes.
         episodes: Number of episodes on each scenario.
-        evaluation_seed: Seed of the evaluation episodes.
 
     Returns:
         Name of a scenario -> dictionary: `successes` and `falls`, numbers of episodes; `velocity_error`, mean velocity
@@ -174,7 +199,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
     """
     figures = {}
     for name in SCENARIOS:
-        seeds = episode_seeds("evaluation", evaluation_seed, episodes)
+        seeds = episode_seeds(purpose, seed, episodes)
         measures = measure(run(policies.resolve(policy, servo="own", trust=True), scenario(name), seeds))
         figures[name] = {
             "successes": int(measures.succeeded.sum()),
@@ -198,14 +223,17 @@ def markdown_lines(record: Mapping[str, Any]) -> list[str]:
     rows.append(_row("action 0, which stands", "–", record["standing"], record))
     seeds = " ".join(str(entry["seed"]) for entry in record["seeds"])
     versions_used = record["versions"]
+    is_search = record.get("purpose") == "search"  # records of earlier versions have evaluation episodes
+    kind = "search" if is_search else "held-out"
+    purpose = " --purpose search" if is_search else ""
     return [
-        f"{record['steps']:,} steps for each seed, then {record['episodes']} held-out episodes on the usual physics "
+        f"{record['steps']:,} steps for each seed, then {record['episodes']} {kind} episodes on the usual physics "
         f"({_commands(SCENARIOS[0])}; {_commands(SCENARIOS[1])}):",
         "",
         *markdown.table(heads, rows).splitlines(),
         "",
         f"`python -m research sb3-block --seeds {seeds} --episodes {record['episodes']} "
-        f"--evaluation-seed {record['evaluation_seed']}`; success by "
+        f"--evaluation-seed {record['evaluation_seed']}{purpose}`; success by "
         f"`{record['success_rule']}`; MuJoCo {versions_used['mujoco']}, Python {versions_used['python']}.",
     ]
 

@@ -25,6 +25,8 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RECORD = read_record(ROOT / "docs/results/sb3_block.json")
 PAGE = re.sub(r"\.learn\([\d_]+\)", ".learn(1)", README)
+SMALL_PAGE = PAGE.replace("256", "2").replace("2048", "64")
+"""Page whose block trains two robots."""
 
 
 def test_the_readmes_figures_are_those_of_the_block_above_them() -> None:
@@ -84,3 +86,45 @@ def test_a_mistake_is_one_line_before_anything_is_trained(
     Path("page.md").write_text(page, encoding="utf-8")
     assert complaint in refused(main, "sb3-block", "--page", "page.md", *options.split())
     assert [path.name for path in tmp_path.iterdir()] == ["page.md"]
+
+
+def test_a_second_run_trains_only_seeds_that_are_missing_and_the_first_again_after_a_change_of_the_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short_episodes(monkeypatch, 110)
+    page = tmp_path / "page.md"
+    record = tmp_path / "record.json"
+    options = ["--episodes", "1", "--page", str(page), "--record", str(record), "--out", str(tmp_path / "out")]
+
+    def trained(text: str, *seeds: str) -> tuple[list[float], list[int]]:
+        page.write_text(text, encoding="utf-8")
+        assert main(["sb3-block", "--seeds", *seeds, *options]) == 0
+        times = [(tmp_path / "out" / f"seed-{seed}" / MODEL).stat().st_mtime_ns for seed in seeds]
+        return [entry["minutes"] for entry in read_record(record)["seeds"]], times
+
+    minutes, times = trained(SMALL_PAGE, "0")
+    both_minutes, both_times = trained(SMALL_PAGE, "0", "1")
+    assert (both_minutes[0], both_times[0]) == (minutes[0], times[0])
+    said = [line for line in capsys.readouterr().out.splitlines() if "not trained again" in line]
+    assert len(said) == 1
+    assert said[0].startswith("seed 0: ")
+    _, changed_times = trained(SMALL_PAGE.replace(".learn(1)", ".learn(2)"), "0")
+    assert changed_times[0] > times[0]
+
+
+def test_search_episodes_are_other_ones_and_the_page_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    short_episodes(monkeypatch, 110)
+    page = tmp_path / "page.md"
+    page.write_text(SMALL_PAGE, encoding="utf-8")
+    words = ["--seeds", "0", "--episodes", "2", "--page", str(page), "--record", str(tmp_path / "record.json")]
+    written = {}
+    for purpose in ("evaluation", "search"):
+        assert main(["sb3-block", *words, "--purpose", purpose, "--out", str(tmp_path / "out")]) == 0
+        written[purpose] = (page.read_text(encoding="utf-8"), read_record(tmp_path / "record.json"))
+    text, record = written["search"]
+    other_text, other_record = written["evaluation"]
+    assert "2 search episodes" in text
+    assert "--purpose search`" in text
+    assert "2 held-out episodes" in other_text
+    assert "--purpose" not in other_text.split(f"<!-- {PLACE} -->")[1]
+    assert record["standing"] != other_record["standing"]  # velocity errors of other commands
