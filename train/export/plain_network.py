@@ -65,7 +65,7 @@ class PlainNetwork:
     hold: int
     """Number of control steps of the environment for which the policy holds an action."""
     gate: Floats | None = None
-    """Matrix of a clock that the network hides at rest, (inputs, inputs); None for no such clock.
+    """Matrix of a clock that the network hides at rest, (inputs, inputs); None if the clock always runs.
 
     The inputs are multiplied by sign(absolute inputs @ gate + gate bias), which is 0 or 1."""
 
