@@ -116,9 +116,8 @@ class LabelCollector:
     def collect(self, student: StudentNetwork, teacher_share: float) -> LabelBlock:
         """Simulate one round, which is a fixed number of control steps, and return its labels.
 
-        Labels shortly before a fall, or before the trunk tilts too far, are marked as not valid, because no action can
-        prevent it any more. Only falls in the same round are considered: a fall at the start of the next round does not
-        change this round.
+        Labels shortly before a fall are marked as not valid, because no action can prevent the fall any more. Only
+        falls in the same round are considered: a fall at the start of the next round does not change this round.
 
         Args:
             student: Network of the student.
@@ -181,20 +180,13 @@ class LabelCollector:
     def _step(self, actions: FloatArray) -> BoolArray:
         """Simulate a control step with joint targets `actions`, (n, 12), rad, and restart finished robots.
 
-        Returns a mask that is True for robots that fell or tilted too far, (n,).
+        Returns a mask that is True for robots that fell, (n,).
         """
         self._observation, _, terminated, truncated, _ = self._robots.step(actions)
-        tipped = self._is_tipped()
-        self._restarted = terminated | truncated | tipped
+        self._restarted = terminated | truncated
         if self._restarted.any():
             self._observation, _ = self._robots.reset(options={"reset_mask": self._restarted})
-        return terminated | tipped
-
-    def _is_tipped(self) -> BoolArray:
-        """Return a mask that is True for robots with a trunk tilted by more than `max_tilt`, (n,)."""
-        upward_gravity = self._robots.true_observation()[:, 2]
-        tipped: BoolArray = -upward_gravity < np.cos(self._config.max_tilt)
-        return tipped
+        return terminated
 
 
 def _precedes(events: BoolArray, steps: int) -> BoolArray:

@@ -20,6 +20,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import whole_percent
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.progress import format_duration
+from quad_env.config import FallRule, TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.files.writing import exclusive_lock
 from quad_env.robots.robot import Robot
@@ -131,6 +132,7 @@ def make_batch(config: DistillationConfig, robot: Robot, number: int, difficulty
         "DISABLED",
         max_episode_steps=config.max_episode_steps,
         robot=robot,
+        config=TaskConfig(fall_rule=FallRule(tilt=config.max_tilt)),
         height_scan=config.height_scan,
     )
 
