@@ -244,7 +244,7 @@ def test_a_report_of_an_unfinished_run_shows_its_finished_cells(tmp_path, whole)
 def test_other_options_are_refused_by_name(tmp_path, whole) -> None:
     folder = unfinished(whole, tmp_path)
     before = sorted(path.name for path in folder.rglob("*"))
-    words = ["--episodes", "6", "--seed", "3", "--quick", "--scenarios", "default"]
+    words = ["--episodes", "6", "--seed", "3", "--quick", "--scenarios", "quick"]
     code, error = evaluate(*words, "--resume", "--out", folder)
     assert (code, error.count("\n")) == (2, 1), error
     for word in ("--episodes was 5, not 6", "--seed was 2, not 3", "--quick was False, not True", "--scenarios"):

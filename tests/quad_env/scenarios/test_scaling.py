@@ -137,7 +137,7 @@ def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:
 
 def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> None:
     path = str(small.source)
-    plan = check(EvaluateOptions(policies=("trot",), scenarios=("quick",), robot=path, out=tmp_path / "out"))
+    plan = check(EvaluateOptions(policies=("trot",), scenarios=("default",), robot=path, out=tmp_path / "out"))
     assert [each.name for each in plan.scenarios][:3] == ["flat", "push", "rough"]
     of_axes = [each for each in plan.scenarios if each.axis and not each.hardware]
     assert all(each == axes_of(small)[each.axis].scenario(each.severity, each.name) for each in of_axes)
