@@ -183,11 +183,16 @@ class MotorThermalModel:
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
         """Winding temperature of each motor of n robots, (n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
+        self._has_full_range: Mask = np.ones(len(force_range), np.bool_)
+        """True for robots whose motors all have the limits in `full_range`, (n,)."""
+        self._cool_fraction = thermal.derated + (1 - thermal.derated) * 1.0
+        """Fraction of the full limit of a cool motor as `update` computes it, which rounding may change from 1."""
 
     def reset(self, env_ids: EnvSelection) -> None:
         """Set the motors of the robots `env_ids` to the ambient temperature and to the limits in `full_range`."""
         self.temperature[env_ids] = self._thermal.ambient
         self._is_off[env_ids] = False
+        self._has_full_range[env_ids] = True
         self._force_range[env_ids] = self.full_range[env_ids]
 
     def update(self, torque: Array, env_ids: EnvSelection) -> None:
@@ -200,11 +205,19 @@ class MotorThermalModel:
         thermal = self._thermal
         steady = thermal.ambient + self._temperature_per_torque2 * (torque * torque)
         temperature = steady + (self.temperature[env_ids] - steady) * self._decay
+        self.temperature[env_ids] = temperature
+        is_cool = self._cool_fraction == 1.0 and temperature.max(initial=thermal.ambient) <= thermal.derating
+        if not (is_cool and self._has_full_range[env_ids].all()):
+            self._derate(temperature, env_ids)
+
+    def _derate(self, temperature: Array, env_ids: EnvSelection) -> None:
+        """Set the torque limits of the robots `env_ids` to those at the winding temperatures `temperature`, (k, 12)."""
+        thermal = self._thermal
         is_off = self._is_off[env_ids] | (temperature >= thermal.shutdown)
         margin = np.clip((thermal.shutdown - temperature) / (thermal.shutdown - thermal.derating), 0.0, 1.0)
         limit_fraction = np.where(is_off, 0.0, thermal.derated + (1 - thermal.derated) * margin)
-        self.temperature[env_ids] = temperature
         self._is_off[env_ids] = is_off
+        self._has_full_range[env_ids] = (limit_fraction == 1.0).all(axis=1)
         self._force_range[env_ids] = self.full_range[env_ids] * limit_fraction[..., None]
 
 

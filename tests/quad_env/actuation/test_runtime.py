@@ -139,6 +139,21 @@ def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() 
     assert limits[2, 3] == pytest.approx([-10.0 * share, 10.0 * share], abs=1e-3)
 
 
+def test_a_motor_that_cools_has_its_full_torque_again() -> None:
+    """The limits are those of the formula at every step, of a robot that heats up and of one that stays cool."""
+    drive, limits = windings(2)
+    torque = np.zeros((2, 12))
+    shares = []
+    for step in range(30):
+        torque[0, 3] = 8.0 if step < 5 else 0.0
+        drive.update(torque, np.arange(2))
+        share = 0.25 + 0.75 * np.clip((60.0 - drive.temperature) / 20.0, 0.0, 1.0)
+        np.testing.assert_array_equal(limits[..., 1], 10.0 * share)
+        shares.append(share[0, 3])
+    assert min(shares) < 0.9
+    assert shares[0] == shares[-1] == 1.0
+
+
 def test_a_winding_that_was_too_hot_is_off_until_its_robot_begins_again() -> None:
     drive, limits = windings(2)
     hot, both = np.zeros((2, 12)), np.arange(2)
