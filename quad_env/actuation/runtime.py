@@ -184,7 +184,7 @@ class MotorThermalModel:
         """Winding temperature of each motor of n robots, (n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
         self._has_full_range: Mask = np.ones(len(force_range), np.bool_)
-        """True for robots whose motors all have the limits in `full_range`, (n,)."""
+        """True for robots with motors that all have the limits in `full_range`, (n,)."""
         self._cool_fraction = thermal.derated + (1 - thermal.derated) * 1.0
         """Fraction of the full limit of a cool motor as `update` computes it, which rounding may change from 1."""
 
