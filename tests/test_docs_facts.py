@@ -283,6 +283,7 @@ def options() -> frozenset[str]:
 def test_an_option_that_is_named_exists(page: str, options: frozenset[str]) -> None:
     others = {"--help", "--help-all", "--keep-going", "--rewards.height-above-ground"}  # the last one is an example
     others |= {"--array", "--constraint", "--dependency", "--wrap"}  # options of sbatch
+    others |= {"--address", "--head"}  # options of `ray start`
     others |= {"--headless"}  # option of the program that `python -m train export --to` writes
     named = {option for text in code(page) for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*", text)}
     assert named - options - others == set()
