@@ -186,9 +186,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         pytest.approx([(20 * 60) ** 0.5, (0.06 * 0.2) ** 0.5, 0.5, 0.5]),
     ),
     "effort_ramp": (  # the second of two segments begins at half of the run
-        lambda ran: [
-            ran.of("training")[which].env._reward_weights["reward_torque"] / REWARDS.torque for which in (0, -1)
-        ],
+        lambda ran: [torque_factor(ran.of("training")[which].env) / REWARDS.torque for which in (0, -1)],
         pytest.approx([0.0, 0.005]),
     ),
     "max_episode_steps": (  # the seeds of the robots determine the length of the first episodes
@@ -242,6 +240,12 @@ ELSEWHERE = (
 
 The options of the learner are tested in tests/planted_faults/test_training_faults.py and sb3/test_ppo.py.
 """
+
+
+def torque_factor(env):
+    """Return the factor on the reward term of the torque in one control step of an environment."""
+    factors = {key: factor for key, factor, _ in env._reward_weights.computed}
+    return factors.get("reward_torque", 0.0)
 
 
 def options(config: Any, prefix: str = "") -> Iterator[str]:
