@@ -107,6 +107,10 @@ def _time_world(options: EvaluationBenchmarkOptions, on_hardware_profile: bool) 
 def _time_scenario(evaluation: TimedEvaluation, rounds: int) -> dict[str, Floats]:
     """Time an evaluation by parts, and its bare physics, in turns.
 
+    Args:
+        evaluation: Evaluation of one scenario.
+        rounds: Number of times that each of the two runs is timed.
+
     Returns:
         Name of one of the `PARTS`, or `BARE_PHYSICS` -> processor time in each round, (rounds,), s.
     """
@@ -125,6 +129,10 @@ def _time_scenario(evaluation: TimedEvaluation, rounds: int) -> dict[str, Floats
 
 def _figures(seconds: Mapping[str, Floats]) -> dict[str, Any]:
     """Compute the results of one world from the durations of `_time_world`.
+
+    Args:
+        seconds: Name of one of the `PARTS`, or `BARE_PHYSICS` -> processor time of a control step of a robot in each
+            round, (rounds,), s.
 
     Returns:
         Quartiles: `ratio`, speed of the evaluation divided by the speed of bare physics and policies; `us`, total

@@ -1,6 +1,6 @@
 """Stable-Baselines3's PPO on the native batch, the README's block with options: `python examples/sb3_batch.py`.
 
-Needs `pip install -e ".[train]"`. A robot walks after 3 million steps, the default. `TrainingVecEnv` adapts the batch;
+Needs `pip install -e ".[train]"`. A robot walks after 6 million steps, the default. `TrainingVecEnv` adapts the batch;
 `python -m evaluate --trust --policies FILE stand --scenarios flat=1` evaluates the model.
 """
 

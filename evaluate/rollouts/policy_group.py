@@ -121,10 +121,13 @@ class PolicyGroup(Policy):
                 member.policy.reset(num_envs=len(member.rows), seed=seed)
 
     def observe(self, has_fallen: NDArray[np.bool_]) -> bool:
-        """Record which members have no more robots to control; return True if no member has any.
+        """Record which members have no more robots to control.
 
         Args:
             has_fallen: True for robots that have fallen, or that have a diverged simulation, (n,).
+
+        Returns:
+            True if no member has any robots to control.
         """
         for member in self.members:
             member.has_fallen = bool(has_fallen[member.rows].all())
