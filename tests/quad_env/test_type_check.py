@@ -34,7 +34,8 @@ def annotations() -> list[Any]:
     assert policies.description
     checked = subclasses(Settings) | subclasses(spec._CheckedSpec)
     found = {str(kind): kind for each in checked for kind, _ in _annotations(each).values()}
-    return [*found.values(), *OTHERS]
+    # The workers of pytest-xdist must see the same order; that of the sets of classes differs from process to process.
+    return [*(found[name] for name in sorted(found)), *OTHERS]
 
 
 def is_valid(value: object, kind: Any) -> bool:
