@@ -4,6 +4,7 @@ A library for this check, typeguard, would be the 13th package that `pip install
 the simulator, Gymnasium, NumPy, SciPy and their requirements. A test compares this check with typeguard.
 """
 
+from collections.abc import Mapping, Sequence
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -15,7 +16,8 @@ def is_instance_of(value: object, annotation: Any) -> bool:
 
     Args:
         value: Any object.
-        annotation: Class, `Any`, `None`, or `Literal`, a union, `tuple`, `list` or `dict` of these.
+        annotation: Class, `Any`, `None`, or `Literal`, a union, `tuple`, `list`, `dict`, `Sequence` or `Mapping` of
+            these.
 
     Returns:
         True if the type is correct.
@@ -53,11 +55,14 @@ def _are_items_valid(container: Any, kind: type, parts: tuple[Any, ...]) -> bool
     if kind is tuple:
         kinds = parts[:1] * len(container) if parts[-1:] == (Ellipsis,) else parts
         return len(container) == len(kinds) and all(map(is_instance_of, container, kinds))
-    if kind is list:
+    if kind in (list, Sequence):
         return all(is_instance_of(item, parts[0]) for item in container)
-    if kind is dict:
+    if kind in (dict, Mapping):
         key_kind, value_kind = parts
         return all(is_instance_of(key, key_kind) for key in container) and all(
             is_instance_of(item, value_kind) for item in container.values()
         )
+    if kind.__module__ in ("builtins", "collections.abc"):
+        valid = "tuple, list, dict, Sequence, Mapping"
+        raise TypeError(f"annotation of a setting: unknown container, got {kind}; valid: {valid}")
     return True

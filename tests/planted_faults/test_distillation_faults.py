@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from policies.history import Inputs
 from policies.mpc.model_based import ModelBased
 from policies.network import Network
 from policies.residual import Features
@@ -35,7 +36,9 @@ def check_the_teacher_has_the_clock_of_the_student() -> None:
 
 def check_the_policy_acts_as_the_student_in_training() -> None:
     with pytest.MonkeyPatch.context() as patch:
-        test_collection.test_the_students_policy_does_in_evaluation_as_in_training(1, patch)
+        test_collection.test_the_students_policy_does_in_evaluation_as_in_training(
+            1, Inputs((0.02,), (0.3,), 2.5), patch
+        )
 
 
 def _labels_of_the_step_before(patch: pytest.MonkeyPatch) -> None:

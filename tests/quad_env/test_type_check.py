@@ -1,5 +1,6 @@
 """Values are checked against annotations as typeguard, an independent type checker, checks them."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Optional
 
 import numpy as np
@@ -21,7 +22,8 @@ VALUES = (
 OTHERS = [
     Any, None, type(None), list[float], list[tuple[int, ...]], dict[str, float], dict[str, Any], Optional[str],  # noqa: UP045
     Literal[1, "all"], tuple[()], tuple[float, str], tuple[str | None, ...], NDArray[np.float64], float | NDArray[Any],
-    tuple[tuple[float, ...], ...], list, dict, tuple, object,
+    tuple[tuple[float, ...], ...], list, dict, tuple, object, Sequence[str], Sequence[float], Sequence,
+    Mapping[str, float], Mapping,
 ]  # fmt: skip
 
 
@@ -55,3 +57,5 @@ def test_a_value_is_valid_where_typeguard_says_so(kind: Any) -> None:
 def test_an_annotation_of_another_kind_is_refused() -> None:
     with pytest.raises(TypeError, match="unknown kind, got word; valid"):
         is_instance_of(1, "word")
+    with pytest.raises(TypeError, match=r"unknown container, got .*set.*; valid: tuple, list"):
+        is_instance_of({1}, set[int])

@@ -29,7 +29,7 @@ def test_the_simulator_is_written_down_where_it_is_not_the_usual_one() -> None:
 
 
 def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
-    names = {each.name for each in select_scenarios(EvaluateOptions(simulator=DRAKE))}
+    names = {each.name for each in select_scenarios(EvaluateOptions(simulator=DRAKE, full=True))}
     assert {"flat", "steady", "push", "force", "slope", "stairs", "slippery", "payload"} <= names
     assert not {"rough", "gravel", "soft", "weak_motors", "slow_motors"} & names
     assert not {name for name in names if name.endswith("+hardware")}
