@@ -51,6 +51,9 @@ def _are_items_valid(container: Any, kind: type, parts: tuple[Any, ...]) -> bool
 
     Returns:
         True if the items are valid.
+
+    Raises:
+        TypeError: The annotation is of another container.
     """
     if kind is tuple:
         kinds = parts[:1] * len(container) if parts[-1:] == (Ellipsis,) else parts
