@@ -46,7 +46,7 @@ def test_seeds_train_the_same_policies_though_workers_are_killed_and_resume_here
     model = repository / "quad_env/robots/simple_quad/simple_quad.xml"
     (tmp_path / "dog.xml").write_bytes(model.read_bytes())
     words = [*TINY, "--steps", "256", "--seeds", "3-4"]
-    with killed_workers(2, 20.0) as killed:
+    with killed_workers(2, 4.0) as killed:
         assert main([*words, "--out", "apart", "--ray", address]) == 0
     assert killed
     printed = capsys.readouterr()
