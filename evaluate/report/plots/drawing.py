@@ -112,7 +112,6 @@ def figure_to_svg(figure: "Figure") -> bytes:
     return buffer.getvalue()
 
 
-@cache
 def write_image(draw: "Callable[[], Figure]", out: Path, dpi: int) -> None:
     """Draw a Matplotlib figure and write it to an image file.
 
@@ -129,6 +128,7 @@ def write_image(draw: "Callable[[], Figure]", out: Path, dpi: int) -> None:
     write_atomically(out, content.getvalue())
 
 
+@cache
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Return the colour and the mark of each policy in plots: name of a policy -> colour, matplotlib mark.
 

@@ -1,10 +1,12 @@
 """Data of the report's plots."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.pareto import ParetoPoint, find_pareto_front
@@ -87,6 +89,19 @@ def test_a_policys_colour_is_its_own_and_many_are_all_told_apart() -> None:
     assert drawing.styles((*drawing.FIXED_STYLE_POLICIES[::-1], "mine")).items() > alone.items()
     found = drawing.styles(("trot", *(f"run-{number}" for number in range(40))))
     assert len(set(found.values())) == 41
+
+
+def test_a_figure_is_written_again_after_its_file_was_deleted(tmp_path: Path) -> None:
+    out = tmp_path / "plot.png"
+
+    def draw() -> Figure:
+        return drawing.make_figure(1.0)[0]
+
+    drawing.write_image(draw, out, 50)
+    content = out.read_bytes()
+    out.unlink()
+    drawing.write_image(draw, out, 50)
+    assert out.read_bytes() == content
 
 
 def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
