@@ -332,13 +332,13 @@ class EpisodeRecorder:
     """Observer of a rollout that records the signals of n episodes, one row for each control step.
 
     Args:
-        policy: Policy; None to record no signals of the policy.
+        policy: Policy that controls the robots.
         seeds: Seeds of the episodes, (n,).
         steps: Maximum number of control steps of an episode.
         rows: Range of the n robots among the robots of the policy.
     """
 
-    def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int, rows: slice = slice(None)) -> None:
+    def __init__(self, policy: Policy, seeds: NDArray[np.int64], steps: int, rows: slice = slice(None)) -> None:
         self._policy = policy
         self._rows = rows
         self._seeds = seeds

@@ -4,7 +4,6 @@ A candidate is a set of policy parameters. All candidates walk the same episodes
 """
 
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
 from functools import partial
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.rollouts.rollout import STEPS, EpisodeRecorder, advance, make_env, reset_episodes
+from evaluate.rollouts.rollout import STEPS, ScenarioEpisodes, run_scenarios
 from policies.base import Floats, Policy
 from policies.parameters import Parameters
 from policies.policy_stack import PolicyStack
@@ -155,13 +154,9 @@ def run_each(
 ) -> list[Episodes]:
     """Simulate one episode per seed on each scenario, all episodes together.
 
-    In each control step, one call of the policy gives the actions of all robots, ordered by scenario. A call per
-    scenario would be many times slower if the time of a call depends little on the number of robots. Internal signals
-    of the policy, for example its gait phase, are not recorded.
-
     Args:
         policy: Policy that controls the robots of all scenarios.
-        scenarios: Scenarios or their names.
+        scenarios: Scenarios or their names, at least one.
         seeds: Seeds of the episodes, the same on every scenario.
         nthread: Number of simulation threads.
         steps: Length of an episode, control steps.
@@ -170,26 +165,8 @@ def run_each(
     Returns:
         Record of the episodes of each scenario, in the order of `seeds`.
     """
-    recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
-    make_scenario_env = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
-    with ExitStack() as stack:
-        envs = [make_scenario_env(scenario) for scenario in scenarios]
-        for env in envs:
-            stack.enter_context(closing(env))
-            policy.check_compatible(env.robot, env.dt)
-        current = [reset_episodes(env, seeds, None) for env in envs]
-        policy.reset(num_envs=len(envs) * len(seeds), seed=0)
-        for recorder, step in zip(recorders, current, strict=True):
-            recorder(step)
-        active = list(range(len(envs)))
-        while active:
-            actions = np.split(policy.act(np.concatenate([step.observation for step in current])), len(envs))
-            for index in active.copy():
-                current[index], ended = advance(current[index], actions[index])
-                recorders[index](current[index])
-                if ended:  # Robots of a scenario without running episodes are not simulated.
-                    active.remove(index)
-    return [recorder.episodes() for recorder in recorders]
+    batches = [ScenarioEpisodes(scenario, seeds, hardware) for scenario in scenarios]
+    return run_scenarios(policy, batches, nthread=nthread, steps=steps)
 
 
 def compare_parameters(

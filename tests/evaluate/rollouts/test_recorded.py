@@ -70,7 +70,8 @@ def test_every_step_is_kept_in_its_row_and_the_start_in_none() -> None:
 
 
 def test_a_policy_that_is_shown_the_truth_and_never_stops_has_no_such_signals() -> None:
-    recorder = EpisodeRecorder(None, np.array([7, 8]), 2)
+    policy: Any = SimpleNamespace()
+    recorder = EpisodeRecorder(policy, np.array([7, 8]), 2)
     env = SimpleNamespace(**{**vars(ENV), "observes_true_state": True})
     recorder(dataclasses.replace(told(0), env=env))
     recorder(dataclasses.replace(told(1), env=env))
