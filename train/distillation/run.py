@@ -6,6 +6,7 @@ validates the student, and writes policy bundles and checkpoints.
 
 import contextlib
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -104,37 +105,46 @@ def make_robots(config: DistillationConfig, robot: Robot) -> MultiScenarioVector
         Vector environment of all robots, which does not restart robots with a finished episode automatically.
     """
     counts = distribute_robots(config.mixture, config.envs, robot)
-    has_batch_threads = len(counts) >= config.threads
-    batches = [make_batch(config, robot, number, config.first_difficulty) for number in range(len(counts))]
-    return MultiScenarioVectorEnv(batches, threads=config.threads if has_batch_threads else 1)
+    threads = config.threads if _has_batch_threads(config, counts) else 1
+    batches = [make_batch(config, robot, counts, number, config.first_difficulty) for number in range(len(counts))]
+    return MultiScenarioVectorEnv(batches, threads=threads)
 
 
-def make_batch(config: DistillationConfig, robot: Robot, number: int, difficulty: float) -> SimpleQuadVectorEnv:
+def make_batch(
+    config: DistillationConfig, robot: Robot, counts: Mapping[str, int], number: int, difficulty: float
+) -> SimpleQuadVectorEnv:
     """Make the vector environment of one scenario of the mixture.
 
     Args:
         config: Settings of the distillation.
         robot: Robot, with the servo gains of the teacher.
-        number: Index of the scenario in the mixture, among the scenarios that have robots.
+        counts: Name of each scenario that has robots -> number of its robots, see `distribute_robots`.
+        number: Index of the scenario in `counts`.
         difficulty: Difficulty of the scenario, from 0 to 1, see `at_difficulty`.
 
     Returns:
         The vector environment, which does not restart robots with a finished episode automatically.
     """
-    counts = distribute_robots(config.mixture, config.envs, robot)
-    has_batch_threads = len(counts) >= config.threads
     name, count = list(counts.items())[number]
     scenario = at_difficulty(find_scenario(name, robot), difficulty, robot)
     return SimpleQuadVectorEnv(
         count,
         with_terrain_seed(scenario, "training", config.seed, robot),
-        1 if has_batch_threads else config.threads,
+        1 if _has_batch_threads(config, counts) else config.threads,
         "DISABLED",
         max_episode_steps=config.max_episode_steps,
         robot=robot,
         config=TaskConfig(fall_rule=FallRule(tilt=config.max_tilt)),
         height_scan=config.height_scan,
     )
+
+
+def _has_batch_threads(config: DistillationConfig, counts: Mapping[str, int]) -> bool:
+    """Return True if the threads step whole scenarios, and False if they share the robots of each scenario.
+
+    `counts` is the number of robots of each scenario.
+    """
+    return len(counts) >= config.threads
 
 
 @dataclass
@@ -239,9 +249,11 @@ class Distillation:
 
     def _make_batches(self) -> None:
         """Replace the vector environments of scenarios with a changed difficulty, before new episodes of all robots."""
+        config = self._config
+        counts = distribute_robots(config.mixture, config.envs, self._robot)
         for number, difficulty in enumerate(self._state.difficulties):
             if difficulty != self._batch_difficulties[number]:
-                self._robots.replace_batch(number, make_batch(self._config, self._robot, number, difficulty))
+                self._robots.replace_batch(number, make_batch(config, self._robot, counts, number, difficulty))
         self._batch_difficulties = list(self._state.difficulties)
 
     def _adjust_difficulties(self) -> None:
