@@ -12,6 +12,7 @@ changes the episode within a second. A residual policy is therefore computed in 
 When the file is loaded, the output of NumPy is compared with the output of the ONNX runtime.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -124,16 +125,8 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
     onnx = import_package("onnx")
     import_package("onnxruntime")
     network = bundle.load(folder, robot).network
-    model = onnx.helper.make_model(
-        _graph(onnx, network),
-        opset_imports=[onnx.helper.make_opsetid("", _OPSET)],
-        ir_version=_IR_VERSION,
-        producer_name="simple-quad",
-    )
     description = bundle.find_bundle_folder(folder).joinpath(bundle.DESCRIPTION).read_text(encoding="utf-8")
-    onnx.helper.set_model_props(model, {RESIDUAL_METADATA: description})
-    onnx.checker.check_model(model)
-    file.write_bytes(model.SerializeToString())
+    save_graph(_graph(onnx, network), {RESIDUAL_METADATA: description}, file)
     make, _ = make_network_factory(open_session(file), file)
     difference = _max_difference(make(), network, probe_count)
     if not difference <= TOLERANCE:
@@ -142,6 +135,26 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
             "check your onnxruntime installation",
         )
     return difference
+
+
+def save_graph(graph: Any, metadata: Mapping[str, str], file: Path) -> None:
+    """Write an ONNX graph to a file.
+
+    Args:
+        graph: Graph, a GraphProto of the package onnx.
+        metadata: Entries of the metadata of the file: key -> text.
+        file: File to write.
+    """
+    onnx = import_package("onnx")
+    model = onnx.helper.make_model(
+        graph,
+        opset_imports=[onnx.helper.make_opsetid("", _OPSET)],
+        ir_version=_IR_VERSION,
+        producer_name="simple-quad",
+    )
+    onnx.helper.set_model_props(model, dict(metadata))
+    onnx.checker.check_model(model)
+    file.write_bytes(model.SerializeToString())
 
 
 def _graph(onnx: Any, network: Network) -> Any:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from policies.external.onnx_file import save_graph
 from policies.external.packages import check_package, import_package
 from policies.network import LIMIT
 from train.export.plain_network import PlainNetwork
@@ -14,10 +15,6 @@ INPUT = "obs"
 """Name of the input of an ONNX file, as rsl_rl, mjlab and Unitree's programs call it."""
 OUTPUT = "actions"
 """Name of the output of an ONNX file, as rsl_rl, mjlab and Unitree's programs call it."""
-OPSET = 17
-"""Version of the ONNX operator set."""
-IR_VERSION = 8
-"""Version of the ONNX file format."""
 
 
 def write_onnx(network: PlainNetwork, file: Path, metadata: Mapping[str, str] | None = None) -> None:
@@ -29,16 +26,8 @@ def write_onnx(network: PlainNetwork, file: Path, metadata: Mapping[str, str] | 
         metadata: Entries of the metadata of the file: key -> text; None for no metadata.
     """
     onnx = import_package("onnx")
-    model = onnx.helper.make_model(
-        _graph(onnx, network),
-        opset_imports=[onnx.helper.make_opsetid("", OPSET)],
-        ir_version=IR_VERSION,
-        producer_name="simple-quad",
-    )
-    onnx.helper.set_model_props(model, dict(metadata or {}))
-    onnx.checker.check_model(model)
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(model.SerializeToString())
+    save_graph(_graph(onnx, network), metadata or {}, file)
 
 
 def _graph(onnx: Any, network: PlainNetwork) -> Any:
