@@ -78,6 +78,11 @@ class Inputs(Settings):
         return len(self.lags) + len(self.averages)
 
 
+def lag_steps(lag: float, control_period: float) -> int:
+    """Return the age of a past observation in control steps, at least one; `lag` and `control_period` are in s."""
+    return max(round(lag / control_period), 1)
+
+
 class History(PerRobotState):
     """Past observations of n robots and their exponential moving averages, as network inputs.
 
@@ -100,7 +105,7 @@ class History(PerRobotState):
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
         """Number of elements that `update` returns for each robot, for past frames and averages together."""
-        self._lags = np.array([max(round(lag / control_period), 1) for lag in inputs.lags], np.intp)
+        self._lags = np.array([lag_steps(lag, control_period) for lag in inputs.lags], np.intp)
         rates = [-math.expm1(-control_period / time) for time in inputs.averages]
         self._rates = np.array(rates, np.float32)[:, None]
         self._num_lagged = width * len(self._lags)

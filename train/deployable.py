@@ -9,6 +9,7 @@ from typing import Literal
 from policies.history import Inputs, TermName
 from policies.input_terms import DEPLOYABLE_TERMS
 from quad_env.cli.command_line import UsageError
+from quad_env.scenarios.scenario import HARDWARE, RANDOMISED
 
 Observations = Literal["all", "deployable", "estimated"]
 """Type of the option `--observations` of a training."""
@@ -24,8 +25,6 @@ HISTORY = 10
 From several values the network can estimate the velocity of the trunk, and recognise delays and loads."""
 HOLD = 2
 """Number of control steps of 10 ms for which the policy holds each action by default: 50 Hz, as on robots."""
-_HARDWARE = "+hardware"
-_RANDOMISED = "+randomised"
 
 
 def deployable_inputs(observations: Observations, clock: Inputs) -> Inputs:
@@ -53,21 +52,21 @@ def hardware_mixture(mixture: Sequence[tuple[str, float]]) -> tuple[tuple[str, f
     """
     shares: dict[str, float] = {}
     for name, share in mixture:
-        changed = _plain_name(name) + _RANDOMISED + _HARDWARE
+        changed = _plain_name(name) + RANDOMISED + HARDWARE
         shares[changed] = round(shares.get(changed, 0.0) + share, 9)
     return tuple(shares.items())
 
 
 def hardware_scenarios(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names of scenarios on the hardware profile, without domain randomisation and without repetitions."""
-    return tuple(dict.fromkeys(_plain_name(name) + _HARDWARE for name in names))
+    return tuple(dict.fromkeys(_plain_name(name) + HARDWARE for name in names))
 
 
 def _plain_name(name: str) -> str:
     """Return the name of a scenario without the suffixes of the hardware profile and of domain randomisation."""
-    suffixes = (_HARDWARE, _RANDOMISED)
+    suffixes = (HARDWARE, RANDOMISED)
     while name.endswith(suffixes):
-        name = name.removesuffix(_HARDWARE).removesuffix(_RANDOMISED)
+        name = name.removesuffix(HARDWARE).removesuffix(RANDOMISED)
     return name
 
 

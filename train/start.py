@@ -118,8 +118,7 @@ def with_start_settings(defaults: TrainConfig, start: Path) -> TrainConfig:
     if defaults.ppo.symmetry != "none":
         hidden = tuple(width // 2 for width in hidden)
     inputs = policy.features.inputs
-    if (observations := observations_of(inputs)) != defaults.observations and observations != "all":
-        defaults = with_observations(defaults, observations)
+    defaults = with_observations(defaults, observations_of(inputs))
     if inputs.terms:
         defaults = dataclasses.replace(defaults, ppo=dataclasses.replace(defaults.ppo, hold=policy.hold))
     settings: dict[str, Any] = {

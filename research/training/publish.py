@@ -21,6 +21,7 @@ from evaluate.hardware import HardwareConfig
 from evaluate.records.store import read_run
 from policies import bundle
 from policies.parameters import limits_of, parameter
+from policies.registry import SIGHTED
 from policies.residual_bases import base_to_json
 from policies.shipped import models_folder
 from quad_env.cli.child_process import available_cores
@@ -31,7 +32,7 @@ from research.training.action_time import action_times
 from research.training.model_card import GAIT_SCENARIOS, model_card
 from research.training.trained_run import CARD, KINDS, TrainedRun, load_trained_run, start_settings, teacher_settings
 from train.config import TrainConfig
-from train.distillation.config import SIGHTED, DistillationConfig
+from train.distillation.config import DistillationConfig
 from train.run_record import differences
 
 SHIPPED_SEED = 0

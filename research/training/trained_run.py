@@ -12,12 +12,13 @@ import policies
 from evaluate.records.training_run import load_settings
 from policies.bundle import DESCRIPTION, find_bundle_folder
 from policies.network import ACTIVATION
+from policies.registry import SIGHTED, STUDENT
 from policies.shipped import models_folder
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.robots.robot import Robot
 from train.config import POSES, TrainConfig
-from train.distillation.config import SIGHTED, STUDENT, DistillationConfig, distillation_command
+from train.distillation.config import DistillationConfig, distillation_command
 from train.run_folder import BEST, CHECKPOINTS, CONFIG_FILE, RECORD_FILE
 from train.run_record import decode, from_dict, training_command
 

@@ -10,6 +10,7 @@ from evaluate import hardware
 from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
+from policies.registry import SIGHTED, STUDENT
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.ray_option import RayOption
 from quad_env.scenarios.scenario import HARDWARE, SCAN_DROPOUTS, SCAN_LOST
@@ -27,10 +28,6 @@ from train.deployable import Observations
 from train.run_record import changed_options
 from train.scan_mixtures import with_scan_dropouts
 
-STUDENT = "student"
-"""Name of a policy that a distillation has trained, without a height scan."""
-SIGHTED = "sighted"
-"""Name of a policy that a distillation has trained, with a height scan."""
 MIXTURE = (
     ("flat:2", 0.08), ("steady", 0.02), ("flat:3", 0.03), ("flat:4", 0.02), ("push:2", 0.05), ("push:3", 0.07),
     ("push:4", 0.03), ("rough:2", 0.04), ("rough:3", 0.05), ("rough:4", 0.03), ("force:2", 0.02), ("force:3", 0.05),

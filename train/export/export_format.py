@@ -11,6 +11,9 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario, scaled
 from train.export.plain_network import PlainNetwork
 
+PHYSICS_PERIOD = 0.005
+"""s. Physics step of Isaac Lab's velocity tasks, and period of rl_sar's servo loop."""
+
 
 @dataclass(frozen=True)
 class ExportFormat:
@@ -63,6 +66,11 @@ def raise_unsupported(format_name: str, name: str, value: Any, valid: str) -> No
         PolicyError: Always.
     """
     raise PolicyError(f"--to {format_name}: {name}: the format cannot say it, got {value}; valid: {valid}")
+
+
+def decimation_of(network: PlainNetwork) -> int:
+    """Return the number of physics steps in a control step, for a physics step close to PHYSICS_PERIOD."""
+    return max(round(1.0 / network.spec.control_rate / PHYSICS_PERIOD), 1)
 
 
 def command_ranges(robot: Robot) -> dict[str, list[float]]:

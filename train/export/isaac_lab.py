@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from policies.external.spec import SpecTerm
-from train.export.export_format import ExportFormat, check_terms, command_ranges, write_yaml
+from train.export.export_format import ExportFormat, check_terms, command_ranges, decimation_of, write_yaml
 from train.export.network_files import write_onnx, write_torchscript
 from train.export.plain_network import PlainNetwork, with_clock_gate
 
@@ -27,8 +27,6 @@ TERMS = {
     "gait_clock": "unitree_rl_lab.tasks.locomotion.mdp.observations:gait_phase",
 }
 """Name of an observation term -> module and function that compute it in Isaac Lab."""
-PHYSICS_PERIOD = 0.005
-"""s. Physics step of Isaac Lab's velocity tasks; the control period is a multiple of a step close to it."""
 TORCHSCRIPT = "exported/policy.pt"
 """Path of the network as TorchScript."""
 
@@ -57,7 +55,7 @@ def _settings(network: PlainNetwork) -> dict[str, Any]:
     """Return the content of `env.yaml`."""
     spec = network.spec
     period = 1.0 / spec.control_rate
-    decimation = max(round(period / PHYSICS_PERIOD), 1)
+    decimation = decimation_of(network)
     action = {
         "class_type": "isaaclab.envs.mdp.actions.joint_actions:JointPositionAction",
         "asset_name": "robot",

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, PolicyError
 from policies.external.joint_mapping import JointMapping, map_joints
 from policies.external.spec import PolicySpec, SpecTerm
-from policies.history import Inputs
+from policies.history import Inputs, lag_steps
 from policies.input_terms import GAIT_PHASE, TermInputs
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
@@ -148,14 +148,9 @@ def _check_inputs(policy: ResidualPolicy, source: str, describes_all: bool) -> N
             raise PolicyError(f"{source}: inputs.{name}: only --to toml can say it, got {value}; valid: none")
     period = policy.hold * policy.control_period
     for lag in inputs.lags:
-        if _lag_steps(policy, lag) % policy.hold:
+        if lag_steps(lag, policy.control_period) % policy.hold:
             fault = f"only --to toml can say other ages than multiples of the policy's period {period:g} s, got {lag:g}"
             raise PolicyError(f"{source}: inputs.lags: {fault}")
-
-
-def _lag_steps(policy: ResidualPolicy, lag: float) -> int:
-    """Return a lag, s, in control steps of the environment, as the bundle rounds it."""
-    return max(round(lag / policy.control_period), 1)
 
 
 def _action_scale(policy: ResidualPolicy) -> Floats:
@@ -223,7 +218,7 @@ def _shown_columns(
     past = [features.columns["history"].start + table.size * each + present for each in range(features.inputs.frames)]
     if describes_all:
         return replace(term, lags=features.inputs.lags, averages=features.inputs.averages), [present, *past]
-    ages = [0, *(_lag_steps(policy, lag) // policy.hold for lag in features.inputs.lags)]
+    ages = [0, *(lag_steps(lag, policy.control_period) // policy.hold for lag in features.inputs.lags)]
     columns_by_age = dict(zip(ages, [present, *past], strict=True))
     history = max(ages) + 1
     return replace(term, history=history), [columns_by_age.get(age) for age in range(history - 1, -1, -1)]

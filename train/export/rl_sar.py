@@ -12,7 +12,7 @@ import numpy as np
 
 from policies.external.joint_mapping import map_joints
 from policies.external.readers.joint_orders import UNITREE_MOTORS
-from train.export.export_format import ExportFormat, check_terms, raise_unsupported, to_list, write_yaml
+from train.export.export_format import ExportFormat, check_terms, decimation_of, raise_unsupported, to_list, write_yaml
 from train.export.network_files import write_onnx, write_torchscript
 from train.export.plain_network import PlainNetwork, with_folded_scales
 from train.export.unitree import motors_of_joints
@@ -34,8 +34,6 @@ SCALES = {
     "joint_velocity": "dof_vel_scale",
 }
 """Name of an observation term -> key of its scale, one number for all its values."""
-PHYSICS_PERIOD = 0.005
-"""s. Period of rl_sar's servo loop; the control period is a multiple of a period close to it."""
 NO_CLIP = 1e5
 """Limit of observations and actions; larger than any value of a walking robot."""
 POLICY = "simple_quad"
@@ -71,7 +69,7 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
 def _base(network: PlainNetwork) -> dict[str, Any]:
     """Return the content of `base.yaml`: the robot, with its joints in the order of Unitree's motors."""
     spec = network.spec
-    decimation = max(round(1.0 / spec.control_rate / PHYSICS_PERIOD), 1)
+    decimation = decimation_of(network)
     motors = map_joints(UNITREE_MOTORS, network.robot).joint_ids
     names = [spec.joints[joint] for joint in motors]
     return {

@@ -7,10 +7,11 @@ from typing import Any
 
 from policies.external.joint_mapping import map_joints
 from policies.external.spec import SpecTerm
+from policies.history import lag_steps
 from quad_env.config import FallRule
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
-from quad_env.scenarios.scenario import Scenario, scaled
+from train.export.export_format import command_ranges
 from train.export.plain_network import PlainNetwork
 
 SCENE = "scene.xml"
@@ -83,7 +84,6 @@ def _settings(network: PlainNetwork, onnx: str) -> dict[str, Any]:
     robot = network.robot
     joints = map_joints(spec.joints, robot)
     names = [robot.joint_names[index] for index in joints.joint_ids]
-    commands = scaled(Scenario("default"), robot).commands
     clock = next((term for term in spec.terms if term.name == "gait_clock"), spec.terms[0])
     return {
         "scene": SCENE,
@@ -102,7 +102,7 @@ def _settings(network: PlainNetwork, onnx: str) -> dict[str, Any]:
         "position_bound": max(term.bound for term in spec.terms),
         "terms": {term.name: _term(term, network) for term in spec.terms},
         "min_height": FallRule().min_trunk_height(robot.leg_length),
-        "command": [round(SPEED_SHARE * commands.forward[1], 2), 0.0, 0.0],
+        "command": [round(SPEED_SHARE * command_ranges(robot)["lin_vel_x"][1], 2), 0.0, 0.0],
     }
 
 
@@ -114,5 +114,5 @@ def _term(term: SpecTerm, network: PlainNetwork) -> tuple[Any, list[int], list[f
     """
     scale = list(term.scale) if len(term.scale) > 1 else term.scale[0]
     ages = [network.hold * age for age in range(term.history - 1, -1, -1)]
-    lags = [max(round(lag / network.control_period), 1) for lag in term.lags]
+    lags = [lag_steps(lag, network.control_period) for lag in term.lags]
     return scale, [*ages, *lags], list(term.averages)
