@@ -13,13 +13,14 @@ from policies.history import Inputs
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.scenarios.registry import scenario
+from tests.train.distillation.stopped_runs import assert_same_policies, stop_at_round
 from train.__main__ import main
 from train.commands import distil
 from train.curriculum import at_difficulty
 from train.distillation import run
 from train.distillation.run import Distillation
 from train.distillation.student import StudentNetwork
-from train.run_folder import BEST, CHECKPOINTS, LAST, VALIDATIONS_FILE
+from train.run_folder import BEST, CHECKPOINTS, VALIDATIONS_FILE
 from train.sb3 import checkpoint
 
 WORDS = [
@@ -92,15 +93,8 @@ def test_the_labels_are_deleted_at_the_end(finished):
 @pytest.mark.parametrize("stop_after", [1, 2, 3, 5])
 def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatch, capsys, stop_after):
     folder = tmp_path / "stopped"
-    collect = Distillation._run_round
-
-    def stop(run, index):
-        if index == stop_after:
-            raise KeyboardInterrupt
-        collect(run, index)
-
     with monkeypatch.context() as patch:
-        patch.setattr(Distillation, "_run_round", stop)
+        stop_at_round(patch, stop_after)
         assert main([*WORDS, "--out", str(folder)]) == 130
     has_checkpoint = any((folder / CHECKPOINTS).glob("*.json"))
     assert has_checkpoint == (stop_after > 1)
@@ -108,9 +102,7 @@ def test_a_stopped_run_continues_to_the_same_bits(finished, tmp_path, monkeypatc
     assert (saved in capsys.readouterr().err) == has_checkpoint
     resume = ["--resume"] if has_checkpoint else []
     assert main([*([] if resume else WORDS), *resume, "--out", str(folder)]) == 0
-    for name in (BEST, LAST):
-        file = f"{name}/policy.safetensors"
-        assert (folder / file).read_bytes() == (finished / file).read_bytes()
+    assert_same_policies(folder, finished)
 
 
 def record_difficulties(patch):
@@ -124,15 +116,8 @@ def record_difficulties(patch):
 
 def test_a_continued_run_has_the_difficulties_of_its_segment(tmp_path, monkeypatch):
     made = record_difficulties(monkeypatch)
-    collect = Distillation._run_round
-
-    def stop(each, index):
-        if index == 3:
-            raise KeyboardInterrupt
-        collect(each, index)
-
     with monkeypatch.context() as patch:
-        patch.setattr(Distillation, "_run_round", stop)
+        stop_at_round(patch, 3)
         assert main([*WORDS, "--out", str(tmp_path / "run")]) == 130
     assert made == [0.3, 0.3, 0.55, 0.55]
     made.clear()

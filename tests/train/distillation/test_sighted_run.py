@@ -17,12 +17,13 @@ from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import HARDWARE
 from tests.robot_models import NEEDS_MODELS
+from tests.train.distillation.stopped_runs import assert_same_policies, stop_at_round
 from train.__main__ import main
 from train.commands import distil, run
 from train.config import CONTROL_PERIOD, IMPROVE_MIXTURE
 from train.distillation import config as settings
-from train.distillation.run import MIN_INTERVALS, Distillation
-from train.run_folder import BEST, LAST
+from train.distillation.run import MIN_INTERVALS
+from train.run_folder import BEST
 from train.run_record import load_config
 from train.training_robots import distribute_robots
 
@@ -74,21 +75,12 @@ def test_a_stopped_run_continues_to_the_same_bits(
     finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop_after: int
 ) -> None:
     folder = tmp_path / "stopped"
-    collect = Distillation._run_round
-
-    def stop(run: Distillation, index: int) -> None:
-        if index == stop_after:
-            raise KeyboardInterrupt
-        collect(run, index)
-
     with monkeypatch.context() as patch:
-        patch.setattr(Distillation, "_run_round", stop)
+        stop_at_round(patch, stop_after)
         assert main([*WORDS, "--out", str(folder)]) == 130
     repeated = WORDS if stop_after == 3 else []
     assert main([*repeated, "--resume", "--out", str(folder)]) == 0
-    for name in (BEST, LAST):
-        file = f"{name}/policy.safetensors"
-        assert (folder / file).read_bytes() == (finished / file).read_bytes()
+    assert_same_policies(folder, finished)
 
 
 def test_the_recorded_command_repeats_the_settings(finished: Path) -> None:
