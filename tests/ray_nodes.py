@@ -38,7 +38,7 @@ def two_nodes() -> Iterator[str]:
 
 
 def processes(title: str) -> list[int]:
-    """Return the ids of the processes whose command line starts with a title."""
+    """Return the ids of the processes with a command line that starts with a title."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):

@@ -26,7 +26,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 RECORD = read_record(ROOT / "docs/results/sb3_block.json")
 PAGE = re.sub(r"\.learn\([\d_]+\)", ".learn(1)", README)
 SMALL_PAGE = PAGE.replace("256", "2").replace("2048", "64")
-"""Page whose block trains two robots."""
+"""Page with a block that trains two robots."""
 
 
 def test_the_readmes_figures_are_those_of_the_block_above_them() -> None:
