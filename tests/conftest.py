@@ -64,6 +64,22 @@ def repository() -> Path:
     return Path(__file__).parents[1]
 
 
+@pytest.fixture
+def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Any], None]]:
+    """Return a function that adds an extension for one test."""
+    from quad_env import extensions  # Packages are imported after the choice of the OpenGL backend.
+
+    monkeypatch.setattr(extensions, "_added", [])
+
+    def drop_caches() -> None:
+        for drop in extensions._added_observers:
+            drop()
+
+    yield extensions.add_extension
+    monkeypatch.undo()
+    drop_caches()
+
+
 @contextlib.contextmanager
 def _running(command: list[str], longest: float = LONGEST, **options: Any) -> Iterator[subprocess.Popen[str]]:
     """Yield the process of a command with its outputs in pipes as text; see `running`."""

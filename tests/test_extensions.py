@@ -19,7 +19,6 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.extra import ExtraMeasure
 from evaluate.rollouts import workers
 from evaluate.rollouts.run import simulate
-from quad_env import extensions
 from quad_env.cli.command_line import UsageError
 from quad_env.extensions import Extension
 from tests.test_docs import PAGES, blocks, file_name
@@ -123,20 +122,6 @@ def test_installed_package_is_named_by_the_commands_that_list(site: Path, tmp_pa
         done = run(site, "-W", "ignore", "-m", "quad_env", command, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert name in done.stdout
-
-
-@pytest.fixture
-def added(monkeypatch: pytest.MonkeyPatch):
-    """Return a function that adds an extension for one test."""
-    monkeypatch.setattr(extensions, "_added", [])
-
-    def drop_caches() -> None:
-        for drop in extensions._added_observers:
-            drop()
-
-    yield quad_env.add_extension
-    monkeypatch.undo()
-    drop_caches()
 
 
 def test_an_extension_has_mappings_of_identifiers() -> None:

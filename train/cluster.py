@@ -18,7 +18,6 @@ from evaluate.records.software import software_versions
 from evaluate.rollouts.cluster import RayCluster, Report, VersionCheck, connect
 from evaluate.rollouts.task_files import Unpacked, mark_files
 from quad_env.cli.child_process import available_cores
-from quad_env.extensions import Extension, add_extension, added_extensions
 from quad_env.files.writing import exclusive_lock, make_writable_folder, write_atomically
 from train.config import TrainConfig
 from train.distillation.config import DistillationConfig
@@ -30,8 +29,8 @@ from train.run_record import LEARNER_PACKAGES
 Settings = TrainConfig | DistillationConfig
 Files = Mapping[str, bytes]
 """Files of a run folder: relative path -> content."""
-Work = tuple[Settings, str, Files, Sequence[Extension]]
-"""Settings of a run, its folder in the sending process, its files so far, and the extensions of that process."""
+Work = tuple[Settings, str, Files]
+"""Settings of a run, its folder in the sending process, and its files so far."""
 _TEXT_SUFFIXES = (".json", ".jsonl", ".md")
 """Endings of the names of text files in which the folder of the worker is replaced by the run folder."""
 
@@ -88,7 +87,7 @@ def _work(run: Settings) -> Work:
     if has_checkpoint(run.folder):
         settings = dataclasses.replace(run, resume=True)
     sent = mark_files(dataclasses.replace(settings, out=None, seeds=None, part=None, ray=None))
-    return sent, str(run.folder), _read(run.folder), added_extensions()
+    return sent, str(run.folder), _read(run.folder)
 
 
 def _train_run(unpacked: Unpacked, report: Report) -> Files:
@@ -101,10 +100,7 @@ def _train_run(unpacked: Unpacked, report: Report) -> Files:
     Returns:
         The files of the run folder.
     """
-    settings, original, files, extensions = unpacked.value
-    if not added_extensions():
-        for extension in extensions:
-            add_extension(extension)
+    settings, original, files = unpacked.value
     with tempfile.TemporaryDirectory(prefix="quad-env-", ignore_cleanup_errors=True) as place:
         folder = Path(place) / Path(original).name
         names = Unpacked(None, True, {**unpacked.originals, str(folder): original})

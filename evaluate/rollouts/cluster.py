@@ -1,7 +1,8 @@
 """Tasks on a Ray cluster: each task runs in a worker process, and runs again if its worker dies.
 
 No other module imports Ray, and this one imports it only when a cluster is used. The results of the tasks do not depend
-on the workers. Every worker checks that it has the versions of this process before it runs a task.
+on the workers. Every worker checks that it has the versions of this process before it runs a task, and adds the
+extensions of this process.
 """
 
 import contextlib
@@ -17,13 +18,14 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from evaluate.rollouts.task_files import Unpacked, pack, unpack
 from evaluate.rollouts.workers import BLAS_THREADS, WorkerDiedError, picklable
 from quad_env.cli.command_line import UsageError
+from quad_env.extensions import Extension, add_extension, added_extensions
 from quad_env.files.text import one_line
 
 POLL_PERIOD = 0.2
@@ -174,8 +176,8 @@ class RayCluster:
         return message
 
     def _submit(self, remote: Any, work: Work, value: Any) -> Any:
-        """Send a task to the cluster, and return the stream of its messages."""
-        packed = pack((value, work))
+        """Send a task and the extensions of this process to the cluster, and return the stream of its messages."""
+        packed = pack((value, work, added_extensions()))
         for file in packed.files:
             if file not in self._contents:
                 self._contents[file] = self.ray.put(Path(file).read_bytes())
@@ -201,7 +203,7 @@ def _run_task(check_worker: Callable[[], None], body: bytes, files: Mapping[str,
 
     Args:
         check_worker: Function that raises an exception if this process must not run the task.
-        body: Pickle of the value and of the function that runs the task.
+        body: Pickle of the value, of the function that runs the task, and of the extensions of the sending process.
         files: Path of a file that the task needs -> reference to its content.
 
     Yields:
@@ -217,9 +219,9 @@ def _run_task(check_worker: Callable[[], None], body: bytes, files: Mapping[str,
             _check_once(check_worker)
             with tempfile.TemporaryDirectory(prefix="quad-env-", ignore_cleanup_errors=True) as folder:
                 unpacked = unpack(body, contents, Path(folder))
-                value, work = unpacked.value
-                task = Unpacked(value, unpacked.moved, unpacked.originals)
-                messages.put(_Message(True, work(task, _limited_report(messages))))
+                value, work, extensions = unpacked.value
+                _add_once(extensions)
+                messages.put(_Message(True, work(replace(unpacked, value=value), _limited_report(messages))))
         except BaseException as error:
             messages.put(_Message(True, picklable(error)))
 
@@ -237,6 +239,13 @@ def _check_once(check_worker: Callable[[], None]) -> None:
     if not _is_checked.is_set():
         check_worker()
         _is_checked.set()
+
+
+def _add_once(extensions: Sequence[Extension]) -> None:
+    """Add extensions to this process, unless it has some from an earlier task."""
+    if not added_extensions():
+        for extension in extensions:
+            add_extension(extension)
 
 
 def _limited_report(messages: "queue.SimpleQueue[_Message]") -> Report:

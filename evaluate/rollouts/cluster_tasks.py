@@ -15,10 +15,6 @@ from evaluate.rollouts.workers import picklable
 from policies.base import Policy, PolicyError
 from policies.external import ExternalPolicy
 from quad_env.cli.command_line import UsageError
-from quad_env.extensions import Extension, add_extension, added_extensions
-
-Work = tuple[list[Task], Sequence[Extension]]
-"""Tasks of a group, and the extensions of the process that sends them."""
 
 
 def cluster_executor(
@@ -54,30 +50,27 @@ def cluster_executor(
     return execute
 
 
-def _work(tasks: Sequence[Task], group: TaskGroup) -> Work:
+def _work(tasks: Sequence[Task], group: TaskGroup) -> list[Task]:
     """Return the value that a worker needs to simulate a group of tasks."""
     sent = []
     for index in group:
         hardware = tasks[index].hardware
         hardware = dataclasses.replace(hardware, robot=mark_file(hardware.robot))
         sent.append(dataclasses.replace(tasks[index], hardware=hardware))
-    return sent, added_extensions()
+    return sent
 
 
 def _simulate(unpacked: Unpacked, report: Report) -> GroupResult:
     """Simulate a group of tasks in a worker.
 
     Args:
-        unpacked: Tasks and extensions, as `_work` makes them.
+        unpacked: Tasks, as `_work` makes them.
         report: Function that receives the finished fraction of the group, below 1.
 
     Returns:
         The result of the group.
     """
-    tasks, extensions = unpacked.value
-    if not added_extensions():
-        for extension in extensions:
-            add_extension(extension)
+    tasks = unpacked.value
     if unpacked.moved:
         for task in tasks:
             _check_loads(task.policy.policy_for(task.scenario), unpacked)

@@ -1,5 +1,6 @@
 """Training seeds and the candidates of a search on a Ray cluster of two nodes: the results of this machine."""
 
+import dataclasses
 import shlex
 import sys
 from collections.abc import Iterator
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from quad_env import SCENARIOS
+from quad_env.extensions import Extension
 from tests.ray_nodes import MISSING, REASON, killed_workers, two_nodes
 from train.__main__ import main
 from train.run_folder import steps_done
@@ -68,6 +71,14 @@ def test_a_search_finds_the_same_parameters(address: str, tmp_path: Path) -> Non
     files = {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()}
     assert {"found.json", "found.trials.jsonl", "TROT.md"} <= set(files)
     assert {path.name: path.read_bytes() for path in (tmp_path / "apart").iterdir()} == files
+
+
+def test_a_search_uses_the_scenario_of_an_extension(address: str, tmp_path: Path, added) -> None:
+    added(Extension(scenarios={"mine": dataclasses.replace(SCENARIOS["flat"], name="mine")}))
+    words = [*SEARCH.replace("--exercises flat", "--exercises mine").split(), "--threads", "1"]
+    assert main([*words, "--out", str(tmp_path / "here/found.json")]) == 0
+    assert main([*words, "--ray", address, "--out", str(tmp_path / "apart/found.json")]) == 0
+    assert (tmp_path / "apart/found.json").read_bytes() == (tmp_path / "here/found.json").read_bytes()
 
 
 def test_a_cluster_without_several_seeds_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
