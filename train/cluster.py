@@ -23,7 +23,7 @@ from train.config import TrainConfig
 from train.distillation.config import DistillationConfig
 from train.distillation.run import distil
 from train.run import train
-from train.run_folder import CHECKPOINTS, has_checkpoint, report_write_errors, steps_done
+from train.run_folder import CHECKPOINTS, report_write_errors, steps_done
 from train.run_record import LEARNER_PACKAGES
 
 Settings = TrainConfig | DistillationConfig
@@ -82,16 +82,15 @@ def _warn_if_too_small(cluster: RayCluster, threads: int) -> None:
 
 
 def _work(run: Settings) -> Work:
-    """Return the value of a task: the run continues from the last checkpoint in its folder, if there is one."""
-    settings = run
-    if has_checkpoint(run.folder):
-        settings = dataclasses.replace(run, resume=True)
-    sent = mark_files(dataclasses.replace(settings, out=None, seeds=None, part=None, ray=None))
+    """Return the value of the task that trains a run, with the files that its folder has now."""
+    sent = mark_files(dataclasses.replace(run, out=None, seeds=None, part=None, ray=None))
     return sent, str(run.folder), _read(run.folder)
 
 
 def _train_run(unpacked: Unpacked, report: Report) -> Files:
     """Train a run in a worker, and report its printed lines, and its files after each checkpoint.
+
+    The run continues from the last checkpoint among its files, if there is one.
 
     Args:
         unpacked: Value of the task, as `_work` makes it.
@@ -141,7 +140,7 @@ class _Lines(io.TextIOBase):
 
 def _restored(folder: Path, names: Unpacked) -> Files:
     """Return the files of a run folder, with the paths of the process that has sent the task."""
-    files = dict(_read(folder))
+    files = _read(folder)
     for name, content in files.items():
         if name.endswith(_TEXT_SUFFIXES):
             files[name] = names.restore(content.decode("utf-8")).encode("utf-8")
