@@ -103,7 +103,7 @@ def _check_severities(severity: Any, num_envs: int) -> Array:
         raise ValueError(f"{name}: wrong number of severities, got shape {array.shape}; valid: () or ({num_envs},)")
     if ((array < 0) | (array > MAX_SEVERITY)).any():
         raise ValueError(f"{name}: a severity is a number from 0 to {MAX_SEVERITY:g}, got {brief(severity)}")
-    return np.broadcast_to(array, (num_envs,)).copy()
+    return np.broadcast_to(array + 0.0, (num_envs,)).copy()  # -0.0 becomes 0.0
 
 
 def check_commands(command: Any, num_envs: int, name: str) -> Array:

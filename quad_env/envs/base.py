@@ -298,7 +298,11 @@ class QuadEnvBase:
             return {}
         has_model_fields = self.simulation.batch.features.package is None  # only MuJoCo itself was compared
         moving = np.flatnonzero(mask & ~np.isnan(severities))
-        return {int(i): at_severity(self.scenario, float(severities[i]), self.robot, has_model_fields) for i in moving}
+        values = severities[moving].tolist()
+        scenarios = {
+            value: at_severity(self.scenario, value, self.robot, has_model_fields) for value in dict.fromkeys(values)
+        }
+        return {int(i): scenarios[value] for i, value in zip(moving, values, strict=True)}
 
     def _move(self, scenarios: dict[int, Scenario]) -> None:
         """Set the scenarios of some robots for their next episodes, index of the robot -> scenario."""

@@ -105,6 +105,26 @@ def test_a_severity_stays_until_another_is_given_and_nan_keeps_it() -> None:
     assert env.severity.tolist() == [35.0] * 3
 
 
+def test_robots_of_one_severity_share_one_scenario() -> None:
+    severities = np.array([40.0, 50.0, 40.0, np.nan, 50.0])
+    moved = make("push", 5).moved_scenarios(severities, np.array([True, True, True, True, False]))
+    assert {robot: scenario.severity for robot, scenario in moved.items()} == {0: 40.0, 1: 50.0, 2: 40.0}
+    assert moved[0] is moved[2]
+
+
+def test_the_first_robot_with_an_impossible_severity_is_named() -> None:
+    env = make("latency=0.02", 4)
+    with pytest.raises(ValueError, match=r"got 0\.05"):
+        env.reset(options={"severity": [0.01, 0.05, 0.04, 0.05]})
+
+
+def test_a_negative_zero_is_the_severity_zero_in_every_batch() -> None:
+    env = make("push", 2)
+    for severities in ([0.0, -0.0], [-0.0, 0.0], -0.0):
+        env.reset(options={"severity": severities})
+        assert not np.signbit(env.severity).any()
+
+
 def test_a_single_environment_moves_too() -> None:
     env: Any = gym.make("quad_env:SimpleQuad-v0", scenario="slippery=0.4").unwrapped
     made = gym.make("quad_env:SimpleQuad-v0", scenario="slippery=0.05")
