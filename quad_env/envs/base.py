@@ -331,8 +331,10 @@ class QuadEnvBase:
         Returns:
             State, observation, reward terms and termination flags after the step.
         """
-        has_delay = self._action_delay is not None
-        delayed_targets = self._apply_action(targets, ALL if env_ids is None else env_ids) if has_delay else None
+        delayed_targets = None
+        if self._action_delay is not None:
+            moving = ALL if env_ids is None else env_ids
+            delayed_targets = self._action_delay.update(targets, self._schedule.step_count[moving], self._rows[moving])
         self._simulate(targets, delayed_targets, env_ids)
         diverged, coordinates = self._reset_diverged(env_ids)
         state = self._compute_state(env_ids, coordinates)
@@ -341,16 +343,6 @@ class QuadEnvBase:
         self._schedule.resample_commands(env_ids)
         observation = self._observe(state, env_ids)
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
-
-    def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the joint targets that the servos receive, (n, 12), rad; None if the servos receive `targets`.
-
-        `targets` are the joint targets of the policies, (n, 12), rad. The returned targets differ from `targets` if the
-        scenario has an action delay or dropouts.
-        """
-        if self._action_delay is None:
-            return None
-        return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
 
     def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection | None) -> None:
         """Advance the physics and the step counts of the robots `env_ids` by a control period.
