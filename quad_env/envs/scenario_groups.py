@@ -87,7 +87,6 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         self.autoreset_mode = batches[0].autoreset_mode
         self.observation_table = batches[0].observation_table
         self.scenario_ids = np.repeat(np.arange(len(batches)), size)
-        self._started = np.zeros(self.num_envs, bool)
         self._made = True
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -151,23 +150,6 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         for batch in self.batches:
             batch.render_mode = value
 
-    def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Infos]:
-        """Start a new episode in every env, or only where `options["reset_mask"]` is True.
-
-        Args:
-            seed: As in `SimpleQuadVectorEnv.reset`; env i gets the seed `seed` + i, or `seed[i]`.
-            options: As in `SimpleQuadVectorEnv.reset`, for all n robots.
-
-        Returns:
-            obs: Observations of all robots, (n, size).
-            infos: Dictionary, key -> array (n, ...).
-        """
-        result = super().reset(seed=seed, options=options)
-        self._started |= arguments.parse_reset_options(options, self.num_envs)[0]
-        return result
-
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
         """Advance by one control period of `dt` seconds, see `SimpleQuadVectorEnv.step`.
 
@@ -180,7 +162,7 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         Raises:
             ResetNeeded: An env was never reset.
         """
-        if not self._started.all():
+        if not all(batch.has_started for batch in self.batches):
             raise ResetNeeded("reset the environments before the first step")
         shape = (self.num_envs, self.robot.num_joints)
         targets = arguments.check_joint_targets(actions, shape, self.robot.joint_lower, self.robot.joint_upper)

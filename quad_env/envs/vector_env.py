@@ -155,7 +155,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         Raises:
             ResetNeeded: An env was never reset.
         """
-        if not self._started.all():
+        if not self.has_started:
             raise ResetNeeded("reset the environments before the first step")
         targets = arguments.check_joint_targets(
             actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper
@@ -231,7 +231,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         Raises:
             ResetNeeded: An env was never reset.
         """
-        if not self._started.all():
+        if not self.has_started:
             raise ResetNeeded("reset the environments before true_observation")
         state: QuadState[Array] = self._compute_state(ALL)
         observation = observation_table(self.robot).observe(state, component_reader(ALL)(self._schedule.command))
@@ -241,6 +241,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if with_scan_loss and self._scanner is not None:
             self._scanner.loss.hide(heights, height_scan.points, self._schedule.step_count, self._rows)
         return np.concatenate((observation, np.clip(heights, UNSEEN, -UNSEEN).astype(np.float32)), axis=1)
+
+    @property
+    def has_started(self) -> bool:
+        """True if every env was reset at least once; `step` needs this."""
+        return bool(self._started.all())
 
     @property
     def pushes(self) -> PushPlan:

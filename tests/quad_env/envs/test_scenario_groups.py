@@ -124,6 +124,19 @@ def test_a_wrong_list_is_refused_in_one_line(scenario: list[str], num_envs: int,
         make(scenario, num_envs)
 
 
+def test_no_robot_moves_before_all_groups_are_reset() -> None:
+    env = make()
+    home = np.tile(SIMPLE_QUAD.home_pose, (NUM_ENVS, 1))
+    is_first_group = np.arange(NUM_ENVS) < GROUP
+    env.reset(seed=0, options={"reset_mask": is_first_group})
+    before = env.batches[0].true_observation()
+    with pytest.raises(ResetNeeded):
+        env.step(home)
+    np.testing.assert_array_equal(env.batches[0].true_observation(), before)
+    env.reset(options={"reset_mask": ~is_first_group})
+    env.step(home)
+
+
 def test_a_wrong_call_moves_no_robot() -> None:
     env = make()
     home = np.tile(SIMPLE_QUAD.home_pose, (NUM_ENVS, 1))
