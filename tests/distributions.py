@@ -56,6 +56,11 @@ def site_packages(environment: Path) -> Path:
     return folder
 
 
+def python_of(environment: Path) -> Path:
+    """Return the Python of a virtual environment."""
+    return next(path for path in environment.glob("*/python*") if path.stem == "python")
+
+
 def install(environment: Path, wheels: Iterable[Path], names: Iterable[str]) -> None:
     """Make a virtual environment with wheels and with distributions of the environment of the tests, as links.
 
@@ -76,7 +81,6 @@ def install(environment: Path, wheels: Iterable[Path], names: Iterable[str]) -> 
 
 def run(environment: Path, words: Iterable[str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run the Python of a virtual environment in a folder, without the variables of Python."""
-    python = next(path for path in environment.glob("*/python*") if path.stem == "python")
     variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    command = [str(python), *words]
+    command = [str(python_of(environment)), *words]
     return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, check=False)

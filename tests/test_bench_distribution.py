@@ -20,7 +20,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from evaluate.records.provenance import code_digest
-from tests.distributions import build, description, install, needed, run, site_packages
+from tests.distributions import build, description, install, needed, python_of, run, site_packages
 
 MAX_PACKAGES = 12
 """Distributions that `pip install simple-quad` may bring."""
@@ -211,10 +211,9 @@ def test_a_git_url_of_the_second_installs_the_first_of_the_same_commit(
     commit = commit_all(clone)
     env = tmp_path / "env"
     install(env, [], needed(wheels, ["simple-quad-bench"]) | needed([], ["hatchling"]))
-    python = next(path for path in env.glob("*/python*") if path.stem == "python")
     url = f"git+{clone.as_uri()}#subdirectory=packaging/bench"
     options = ["--quiet", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
-    subprocess.run([sys.executable, "-m", "pip", "--python", str(python), "install", *options, url], check=True)
+    subprocess.run([sys.executable, "-m", "pip", "--python", str(python_of(env)), "install", *options, url], check=True)
     for name in ("simple_quad", "simple_quad_bench"):
         (file,) = site_packages(env).glob(f"{name}-*.dist-info/direct_url.json")
         assert json.loads(file.read_text(encoding="utf-8"))["vcs_info"]["commit_id"] == commit

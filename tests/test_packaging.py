@@ -22,7 +22,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tests.distributions import build
+from tests.distributions import build, run, site_packages
 
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
@@ -100,14 +100,14 @@ def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> zipfile.Zip
 
 @pytest.fixture(scope="session")
 def empty_environment(wheel: zipfile.ZipFile, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the Python of an environment with the wheel and its dependencies, without the clone."""
+    """Return an environment with the wheel and its dependencies, without the clone."""
     folder = tmp_path_factory.mktemp("empty")
     venv.create(folder, symlinks=os.name != "nt")
-    (packages,) = (path for path in folder.rglob("site-packages") if path.is_dir())
+    packages = site_packages(folder)
     wheel.extractall(packages)
     # Packages come from the environment of the tests; its editable installations have no effect there.
     (packages / "dependencies.pth").write_text(str(Path(gymnasium.__file__).parents[1]), encoding="utf-8")
-    return next(path for path in folder.glob("*/python*") if path.stem == "python")
+    return folder
 
 
 def test_the_wheel_holds_quad_env_alone_with_the_robot_and_its_types(wheel: zipfile.ZipFile) -> None:
@@ -140,17 +140,11 @@ def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile, repository: 
 def test_the_wheel_works_in_an_environment_without_a_clone(
     empty_environment: Path, repository: Path, tmp_path: Path
 ) -> None:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
-        command = [str(empty_environment), *words]
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-
-    made = run("-c", MAKE)
+    made = run(empty_environment, ["-c", MAKE], tmp_path)
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(f"{project(repository)['version']} ")
     assert all(said in made.stdout for said in ("site-packages", "SimpleQuad-v0", "It stands", "MuJoCo"))
-    asked = run("-m", "quad_env", "record", "walk.mcap")
+    asked = run(empty_environment, ["-m", "quad_env", "record", "walk.mcap"], tmp_path)
     assert asked.returncode == 2
     assert "clone" in asked.stderr
     assert len(asked.stderr.splitlines()) == 1
@@ -170,8 +164,8 @@ runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
 """
     words = "--policies trot residual --scenarios flat --episodes 1 --threads 1 --out results"
     command = [sys.executable, "-c", code, *words.split()]
-    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("package", ["evaluate", "train"])
@@ -187,8 +181,8 @@ def test_launcher_is_the_package(repository: Path, package: str, capsys) -> None
 
 def test_import_contracts_hold(repository: Path) -> None:
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
-    run = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stdout
+    done = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(repository: Path) -> None:
