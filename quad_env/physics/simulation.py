@@ -527,13 +527,6 @@ class Simulation:
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
-    def diverged(self, env_ids: EnvSelection | None = ALL) -> Any:
-        """Return True for robots with a diverged simulation, see `read_coordinates`, (k,), or a bool.
-
-        `env_ids` are the indices of k robots, or a slice; None for the only robot of a batch of one.
-        """
-        return self.read_coordinates(env_ids)[1]
-
     def read_coordinates(self, env_ids: EnvSelection | None = ALL) -> tuple[Coordinates[Any], Any]:
         """Read the present generalised coordinates of k robots, and find robots with a diverged simulation.
 
