@@ -20,7 +20,7 @@ from quad_env.robots.locked_joints import bodies_moved_by, find_non_leg_joints, 
 from quad_env.robots.missing_files import recorded_missing_files, remove_missing_files
 from quad_env.robots.mujoco_messages import explain_message
 from quad_env.robots.omissions import Lines, find_omissions, join_names, unlimited_joint_lines
-from quad_env.robots.referenced_files import check_referenced_files
+from quad_env.robots.referenced_files import referenced_files
 from quad_env.robots.structure import ModelError, RobotStructure, detect_structure, find_root_body
 from quad_env.robots.urdf import load_urdf
 
@@ -86,7 +86,7 @@ def check(path: Path) -> None:
 
     `read` calls this function in a subprocess with limits on time and memory.
     """
-    check_referenced_files(path)
+    referenced_files(path)
     try:
         _read(path)
     except (ModelError, OSError, MemoryError):

@@ -23,17 +23,6 @@ _MAX_FILE_SIZE = 2**28
 """Largest valid size of a file that a model names, bytes; the largest published meshes have 50 MiB."""
 
 
-def check_referenced_files(path: Path) -> None:
-    """Check that all files that a model and its included models name are regular and not too large.
-
-    ModelError is raised if a model cannot be read, or a named file is too large or not regular.
-
-    Args:
-        path: MJCF or URDF file of the user's model.
-    """
-    referenced_files(path)
-
-
 def referenced_files(path: Path) -> list[Path]:
     """Return the files that a model and its included models name, after a check.
 
