@@ -406,7 +406,7 @@ def _rise_text(record: EpisodeSignals, height: float) -> str:
 def _observation_delay_steps(record: EpisodeSignals) -> int:
     """Return the delay of the observations in the episode's scenario, in control steps; 0 for none."""
     latency = record.scenario.latency
-    return 0 if latency is None else round(latency.observation / record.episodes.dt)
+    return 0 if latency is None else latency.observation_steps(record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:

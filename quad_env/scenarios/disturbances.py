@@ -157,6 +157,17 @@ class Latency(Settings):
     observation terms that sensors measure are delayed; the terms `previous_action` and `command` are not.
     """
 
+    def observation_steps(self, dt: float) -> int:
+        """Return the delay of the observations, rounded to whole control steps.
+
+        Args:
+            dt: Control period, s.
+
+        Returns:
+            Number of control steps.
+        """
+        return round(self.observation / dt)
+
 
 @dataclass(frozen=True)
 class SensorNoise(Settings):

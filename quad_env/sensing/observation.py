@@ -41,7 +41,7 @@ class ObservationDisturbance:
         self._table = table
         self._dt = dt
         self._noise = None if scenario.noise is None else Noise(num_envs, _noise_std(table, scenario.noise))
-        delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
+        delay_steps = 0 if scenario.latency is None else scenario.latency.observation_steps(dt)
         self._delay_steps = np.full(num_envs, delay_steps)
         """Delay of the observation of each robot, (n,), control steps."""
         self._delayed = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
@@ -58,7 +58,7 @@ class ObservationDisturbance:
                 std = _noise_std(self._table, episode.scenario.noise)
                 self._noise.reset(env_index, episode.streams.noise, std)
             if (latency := episode.scenario.latency) is not None:
-                self._delay_steps[env_index] = round(latency.observation / self._dt)
+                self._delay_steps[env_index] = latency.observation_steps(self._dt)
         if self._offset is not None:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
@@ -344,7 +344,7 @@ def make_observation_model(
     """
     robot = simulation.robot
     dt = 1 / control_rate
-    has_latency = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
+    has_latency = scenario.latency is not None and scenario.latency.observation_steps(dt) > 0
     has_encoder_offset = suite is None and scenario.randomisation is not None
     disturbance = None
     if has_latency or has_encoder_offset or scenario.noise is not None:
