@@ -16,7 +16,7 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import GradedRandom, HeightField
 from quad_env.seeding import EpisodeStreams
 
-_NEVER = np.iinfo(np.int64).max
+NEVER = np.iinfo(np.int64).max
 """Control step that no episode reaches."""
 
 
@@ -307,7 +307,7 @@ def _draw_scan_dropouts(dropouts: ScanDropouts, stream: np.random.Generator, dt:
     # The last dropout is the whole episode, or nothing.
     return ScanDropoutPlan(
         first_step=np.append(first_step, 0),
-        end_step=np.append(first_step + control_steps(dropouts.duration, dt), _NEVER if is_lost else 0),
+        end_step=np.append(first_step + control_steps(dropouts.duration, dt), NEVER if is_lost else 0),
         side=np.append(side, np.zeros((1, 2)), axis=0),
     )
 

@@ -7,12 +7,9 @@ from numpy.typing import NDArray
 
 from quad_env.columns import Array, EnvSelection, Mask
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.episode import EpisodeSample, PushPlan
+from quad_env.scenarios.episode import NEVER, EpisodeSample, PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import assign_seeds, fresh_seeds
-
-_NEVER = np.iinfo(np.int64).max
-"""Control step that no episode reaches; a robot with a fixed command gets its next command at this step."""
 
 
 class EpisodeSchedule:
@@ -45,8 +42,8 @@ class EpisodeSchedule:
         self.pushes = PushPlan(np.tile(plan.first_step, (num_envs, 1)), steps, np.tile(plan.force, (num_envs, 1, 1)))
         self.step_count = np.zeros(num_envs, np.int64)
         self.command = np.zeros((num_envs, 3))
-        self._next_command_step = np.full(num_envs, _NEVER)
-        """Control step at which each robot gets a new command, (n,); `_NEVER` for a fixed command."""
+        self._next_command_step = np.full(num_envs, NEVER)
+        """Control step at which each robot gets a new command, (n,); `NEVER` for a fixed command."""
         self._manual_force: Array | None = None
         """Force on each trunk, set by the last call of `apply_push`, world frame, x and y, (n, 2), N.
 
@@ -103,7 +100,7 @@ class EpisodeSchedule:
             if not isinstance(self.pushes.steps, int):
                 self.pushes.steps[i] = episode.pushes.steps
             self.command[i] = episode.next_command() if fixed_command is None else fixed_command[i]
-            self._next_command_step[i] = episode.next_interval(self._dt) if fixed_command is None else _NEVER
+            self._next_command_step[i] = episode.next_interval(self._dt) if fixed_command is None else NEVER
         self.step_count[env_ids] = 0
         self._manual_push_end[env_ids] = 0
         return [self._episodes[i] for i in env_ids]
@@ -137,7 +134,7 @@ class EpisodeSchedule:
         A command consists of forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s.
         """
         self.command[:] = commands
-        self._next_command_step[:] = _NEVER
+        self._next_command_step[:] = NEVER
 
     def apply_push(self, forces: Array, steps: int) -> None:
         """Push the trunks from the next control step on, in addition to the planned pushes of the scenario.
