@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from policies.base import PolicyError
-from quad_env.cli.extras import install_command
+from quad_env.cli.extras import missing_package
 
 
 def import_package(name: str, extra: str = "onnx") -> Any:
@@ -25,7 +25,7 @@ def import_package(name: str, extra: str = "onnx") -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        raise PolicyError(_missing_package(str(error.name), extra)) from None
+        raise PolicyError(missing_package(str(error.name), extra)) from None
 
 
 def check_package(name: str, extra: str = "onnx") -> None:
@@ -40,8 +40,4 @@ def check_package(name: str, extra: str = "onnx") -> None:
         PolicyError: The package is not installed.
     """
     if find_spec(name) is None:
-        raise PolicyError(_missing_package(name, extra))
-
-
-def _missing_package(name: str, extra: str) -> str:
-    return f"this needs {name}, which is not installed: {install_command(extra)}"
+        raise PolicyError(missing_package(name, extra))

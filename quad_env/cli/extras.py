@@ -33,6 +33,15 @@ def remedy(package: str) -> str:
     return install_command("commands" if package in _COMMANDS else "bench")
 
 
-def missing_package(package: str) -> str:
-    """Return the one-line message about a missing package; `package` is its import name."""
-    return f"this needs {package}, which is not installed: {remedy(package)}"
+def missing_package(package: str, extra: str | None = None) -> str:
+    """Return the one-line message about a missing package.
+
+    Args:
+        package: Import name of the package.
+        extra: Installation extra that the message names; None for the extra of the package.
+
+    Returns:
+        The message with the command that installs the package.
+    """
+    command = remedy(package) if extra is None else install_command(extra)
+    return f"this needs {package}, which is not installed: {command}"
