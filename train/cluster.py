@@ -18,6 +18,7 @@ from evaluate.records.software import software_versions
 from evaluate.rollouts.cluster import RayCluster, Report, VersionCheck, connect
 from evaluate.rollouts.task_files import Unpacked, mark_files
 from quad_env.cli.child_process import available_cores
+from quad_env.files.reading import has_content
 from quad_env.files.writing import exclusive_lock, make_writable_folder, write_atomically
 from train.config import TrainConfig
 from train.distillation.config import DistillationConfig
@@ -159,13 +160,8 @@ def _write(folder: Path, files: Any) -> None:
         # The JSON file of a checkpoint is written last, because it marks the checkpoint as complete.
         for name in sorted(files, key=lambda name: name.endswith(".json")):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            if not _has(folder / name, files[name]):
+            if not has_content(folder / name, files[name]):
                 write_atomically(folder / name, files[name])
         for path in (folder / CHECKPOINTS).glob("*"):
             if f"{CHECKPOINTS}/{path.name}" not in files:
                 path.unlink()
-
-
-def _has(path: Path, content: bytes) -> bool:
-    """Return True if a file has the given content."""
-    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content

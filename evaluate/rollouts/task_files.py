@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from policies.external import is_reference
 from quad_env.cli.command_line import UsageError
-from quad_env.files.reading import MAX_DATA_SIZE, check_file, parse_toml, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, check_file, has_content, parse_toml, read_bytes
 from quad_env.robots.referenced_files import referenced_files
 from quad_env.robots.registry import SUFFIXES as ROBOT_SUFFIXES
 
@@ -164,7 +164,7 @@ def unpack(body: bytes, files: Mapping[str, bytes], folder: Path) -> Unpacked:
     Returns:
         The value.
     """
-    moved = not all(_is_here(Path(name), content) for name, content in files.items())
+    moved = not all(has_content(Path(name), content) for name, content in files.items())
     if moved:
         for name, content in files.items():
             copy = _moved_to(folder, name)
@@ -291,14 +291,6 @@ _FINDERS: Mapping[str, Callable[[Path], Any]] = {
     **dict.fromkeys((".xml", ".mjcf", ".urdf"), referenced_files),
 }
 """Suffix of a file -> function that returns the files that it needs."""
-
-
-def _is_here(path: Path, content: bytes) -> bool:
-    """Return True if this machine has a file at a path, with the given content."""
-    try:
-        return path.stat().st_size == len(content) and path.read_bytes() == content
-    except OSError:
-        return False
 
 
 def _moved_to(folder: Path, name: str) -> Path:

@@ -64,6 +64,14 @@ def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
     return path.read_bytes()
 
 
+def has_content(path: Path, content: bytes) -> bool:
+    """Return True if a path is a regular file with the given content; False if it cannot be read."""
+    try:
+        return read_bytes(path, len(content)) == content
+    except OSError:
+        return False
+
+
 def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
     """Check that a file is regular and not too large, before it is read.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from quad_env.files.reading import check_file, parse_json, read_bytes
+from quad_env.files.reading import check_file, has_content, parse_json, read_bytes
 
 if not hasattr(os, "mkfifo"):
     pytest.skip("the system has no such pipes", allow_module_level=True)
@@ -44,6 +44,18 @@ def test_a_file_is_read_up_to_its_limit(tmp_path) -> None:
     for read in (read_bytes, check_file):
         with pytest.raises(OSError, match="larger than"):
             read(path, 4)
+
+
+def test_only_a_file_with_all_of_the_bytes_has_the_content(tmp_path) -> None:
+    path = tmp_path / "some"
+    path.write_bytes(b"12345")
+    assert has_content(path, b"12345")
+    assert not any(has_content(path, other) for other in (b"", b"1234", b"12346", b"123456"))
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_cannot_be_read_has_no_content(tmp_path, kind) -> None:
+    assert not has_content(odd(tmp_path, kind), b"")
 
 
 @pytest.mark.parametrize(
