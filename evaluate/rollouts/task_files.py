@@ -15,16 +15,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from evaluate.records.provenance import REPOSITORY
+from evaluate.records.training_run import SETTINGS_FILE
+from policies.description import DESCRIPTION
 from policies.external import is_reference
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, check_file, has_content, parse_toml, read_bytes
-from quad_env.robots.referenced_files import referenced_files
+from quad_env.robots.referenced_files import MODEL_SUFFIXES, referenced_files
 from quad_env.robots.registry import SUFFIXES as ROBOT_SUFFIXES
 
 _PACKAGES = ("quad_env", "policies", "evaluate", "train")
 """Packages of this project, which every machine has."""
-_REPOSITORY = Path(__file__).resolve().parents[2]
-_POLICY_FILES = ("policy.json", "config.json")
+_POLICY_FILES = (DESCRIPTION, SETTINGS_FILE)
 """Names of files; each folder of a policy bundle or of a training run has one of them."""
 Options = TypeVar("Options")
 MAX_SIZE = 2**30
@@ -214,7 +216,7 @@ def _reference(entry: object) -> tuple[str, ...] | None:
 
 def _installed_folders() -> dict[str, Path]:
     """Return the folders with files that every machine has: name -> path."""
-    folders = {name: _REPOSITORY / name for name in _PACKAGES}
+    folders = {name: REPOSITORY / name for name in _PACKAGES}
     return folders | {name: Path(sysconfig.get_paths()[name]) for name in ("purelib", "platlib")}
 
 
@@ -288,7 +290,7 @@ def _model_of_toml(path: Path) -> Iterator[Path]:
 _FINDERS: Mapping[str, Callable[[Path], Any]] = {
     ".py": _neighbour_modules,
     ".toml": _model_of_toml,
-    **dict.fromkeys((".xml", ".mjcf", ".urdf"), referenced_files),
+    **dict.fromkeys(MODEL_SUFFIXES, referenced_files),
 }
 """Suffix of a file -> function that returns the files that it needs."""
 

@@ -15,7 +15,7 @@ _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""
 """Pattern of an attribute of MJCF or URDF that names a file."""
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 """Pattern of an attribute of MJCF or URDF that names the folder of meshes or textures."""
-_MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
+MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
 """Endings of the names of model files; a model file can name further files, which are checked, too."""
 _MAX_FILES = 5000
 """Largest number of files that are checked for one model; further files that the model names are not checked."""
@@ -51,7 +51,7 @@ def referenced_files(path: Path) -> list[Path]:
             if not _is_regular(file):
                 continue
             existing.append(file)
-            if file.suffix.lower() in _MODEL_SUFFIXES:
+            if file.suffix.lower() in MODEL_SUFFIXES:
                 waiting.append(file)
     return existing
 
