@@ -21,6 +21,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.robots.robot import Robot
+from quad_env.scenarios.allocation import allocate_robots
 from quad_env.scenarios.disturbances import Kicks
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
@@ -286,8 +287,8 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 def distribute_robots(mixture: Sequence[tuple[str, float]], count: int, robot: Robot) -> dict[str, int]:
     """Distribute robots over the scenarios of a mixture, in proportion to the shares of the scenarios.
 
-    The largest-remainder method rounds the shares to whole robots. Scenarios with zero robots are left
-    out. Scenarios with the robot's hardware profile (motors, delays and sensors of the real robot) come last.
+    `allocate_robots` rounds the shares to whole robots. Scenarios with zero robots are left out. Scenarios with the
+    robot's hardware profile (motors, delays and sensors of the real robot) come last.
 
     Args:
         mixture: Name and share of each scenario. A share is a relative weight.
@@ -297,14 +298,10 @@ def distribute_robots(mixture: Sequence[tuple[str, float]], count: int, robot: R
     Returns:
         Name of each scenario -> number of robots on it. The sum of the numbers is `count`.
     """
-    total = sum(share for _, share in mixture)
-    exact = [(name, share / total * count) for name, share in mixture]
-    ordered = sorted(exact, key=lambda entry: find_scenario(entry[0], robot).hardware)
-    counts = {name: int(amount) for name, amount in ordered}
-    by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
-    for name, _ in by_remainder[: count - sum(counts.values())]:
-        counts[name] += 1
-    return {name: count for name, count in counts.items() if count}
+    counts = allocate_robots([share for _, share in mixture], count)
+    groups = [(name, robots) for (name, _), robots in zip(mixture, counts, strict=True)]
+    ordered = sorted(groups, key=lambda group: find_scenario(group[0], robot).hardware)
+    return {name: robots for name, robots in ordered if robots}
 
 
 def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:

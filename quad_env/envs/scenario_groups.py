@@ -1,6 +1,7 @@
-"""The vector environment of several scenarios: equal groups of robots, each with its own scenario."""
+"""The vector environment of several scenarios: groups of robots, each with its own scenario."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from typing import Any, ClassVar, Unpack
@@ -16,13 +17,18 @@ from quad_env.envs.attributes import check_settable
 from quad_env.envs.base import EnvKwargs, EnvOptions, make_robot
 from quad_env.envs.combined_env import CombinedVectorEnv
 from quad_env.envs.vector_env import RENDER_MODES, Infos, Observation, SimpleQuadVectorEnv
+from quad_env.files.text import brief
+from quad_env.scenarios.allocation import allocate_robots
 from quad_env.scenarios.scenario import Scenario
+
+SHARE_TOLERANCE = 1e-6
+"""Largest difference between 1 and the sum of the shares of all scenarios; it allows for rounded shares."""
 
 
 class ScenarioGroupsVectorEnv(CombinedVectorEnv):
-    """Batch of n SimpleQuad robots in equal groups, one for each of s scenarios; made by `gym.make_vec`.
+    """Batch of n SimpleQuad robots in groups, one for each of s scenarios; made by `gym.make_vec`.
 
-    Robots 0 to n/s - 1 have the first scenario, the next n/s robots the second one, and so on. A group gives the same
+    The first robots have the first scenario, the next robots the second one, and so on. A group gives the same
     numbers, bit for bit, as `SimpleQuadVectorEnv` of its scenario alone with the same seeds. An info that only some
     scenarios have, such as a sensor reading, is zero for the other robots, and its mask `_<key>` is False for them.
 
@@ -30,8 +36,9 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
     for an invalid argument.
 
     Args:
-        num_envs: Number of robots, a multiple of the number of scenarios.
-        scenario: Scenario of each group: names, or `quad_env.Scenario`. A repeated scenario gets more robots.
+        num_envs: Number of robots. For a list of scenarios, a multiple of its length.
+        scenario: Scenarios: names, or `quad_env.Scenario`. A list gives equal groups, and a repeated scenario gets more
+            robots. A dictionary gives the share of the robots of each scenario; see `make_vector_env`.
         nthread: Number of simulation threads; the results do not depend on this number.
         autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`.
         max_episode_steps: Time limit in control steps; None or -1 for no limit.
@@ -53,7 +60,7 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
     def __init__(
         self,
         num_envs: int,
-        scenario: Sequence[str | Scenario],
+        scenario: Sequence[str | Scenario] | Mapping[str | Scenario, float],
         nthread: int = 2,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,
@@ -62,12 +69,11 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
         readings: bool = False,
         **parts: Unpack[EnvKwargs],
     ) -> None:
-        size = _group_size(num_envs, scenario)
+        sizes = _group_sizes(num_envs, scenario)
         options = EnvOptions(**parts)
         robot, gains = make_robot(options.robot, options.servo, num_envs)
         make = partial(
             SimpleQuadVectorEnv,
-            size,
             nthread=nthread,
             autoreset_mode=autoreset_mode,
             max_episode_steps=max_episode_steps,
@@ -77,16 +83,18 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
             **parts,
         )
         batches = []
-        for number, entry in enumerate(scenario):
-            rows = slice(number * size, (number + 1) * size)
+        start = 0
+        for entry, size in zip(scenario, sizes, strict=True):
+            rows = slice(start, start + size)
             servo = options.servo if gains is None else tuple(gains[:, rows])
-            batches.append(make(scenario=entry, servo=servo))
+            batches.append(make(size, scenario=entry, servo=servo))
+            start += size
         super().__init__(batches)
         self.robot = robot
         self.config = batches[0].config
         self.autoreset_mode = batches[0].autoreset_mode
         self.observation_table = batches[0].observation_table
-        self.scenario_ids = np.repeat(np.arange(len(batches)), size)
+        self.scenario_ids = np.repeat(np.arange(len(batches)), sizes)
         self._made = True
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -198,30 +206,57 @@ class ScenarioGroupsVectorEnv(CombinedVectorEnv):
 
 
 def make_vector_env(
-    num_envs: int = 1,
-    scenario: str | Scenario | list[str | Scenario] | tuple[str | Scenario, ...] = "flat",
-    **options: Any,
+    num_envs: int = 1, scenarios: Mapping[str | Scenario, float] | None = None, **options: Any
 ) -> SimpleQuadVectorEnv | ScenarioGroupsVectorEnv:
-    """Make the vector environment of one scenario, or of a list of scenarios; the entry point of `gym.make_vec`.
+    """Make the vector environment of one scenario, or of several scenarios; the entry point of `gym.make_vec`.
 
     Args:
         num_envs: Number of robots.
-        scenario: Scenario of all robots, or a list or tuple with the scenario of each of equal groups of robots.
-        **options: Further arguments of `SimpleQuadVectorEnv`.
+        scenarios: Scenario -> share of the robots, at most one robot more or less; each scenario has a robot or more.
+            The shares are positive and sum to 1. None if `scenario` is given.
+        **options: Further arguments of `SimpleQuadVectorEnv`. `scenario` can also be a list or tuple with the scenario
+            of each of equal groups of robots.
 
     Returns:
-        `SimpleQuadVectorEnv` for one scenario, `ScenarioGroupsVectorEnv` for a list.
+        `SimpleQuadVectorEnv` for one scenario, `ScenarioGroupsVectorEnv` for several.
+
+    Raises:
+        ValueError: An argument is invalid, or both `scenario` and `scenarios` are given.
     """
-    if isinstance(scenario, list | tuple):
-        return ScenarioGroupsVectorEnv(num_envs, scenario, **options)
-    return SimpleQuadVectorEnv(num_envs, scenario, **options)
+    if scenarios is not None:
+        if "scenario" in options:
+            raise ValueError("scenarios: scenario is given too; valid: one of scenario=... and scenarios={...: share}")
+        return ScenarioGroupsVectorEnv(num_envs, _check_shares(scenarios), **options)
+    if isinstance(options.get("scenario"), list | tuple):
+        return ScenarioGroupsVectorEnv(num_envs, **options)
+    return SimpleQuadVectorEnv(num_envs, **options)
 
 
-def _group_size(num_envs: Any, scenario: Sequence[str | Scenario]) -> int:
-    """Return the number of robots of each group; raise ValueError if the groups would not be equal."""
+def _check_shares(scenarios: Any) -> Mapping[str | Scenario, float]:
+    """Check the shares of the robots of all scenarios, and return them; raise ValueError if they are invalid."""
+    if not isinstance(scenarios, Mapping) or not scenarios:
+        raise ValueError(f"scenarios: no share of any scenario, got {brief(scenarios)}; valid: {{'flat': 0.5, ...}}")
+    for scenario, share in scenarios.items():
+        is_number = isinstance(share, int | float | np.integer | np.floating) and not isinstance(share, bool)
+        if not is_number or not 0 < share < math.inf:
+            name = scenario.name if isinstance(scenario, Scenario) else scenario
+            raise ValueError(f"scenarios: invalid share of {name!r}, got {brief(share)}; valid: positive numbers")
+    total = math.fsum(scenarios.values())
+    if abs(total - 1) > SHARE_TOLERANCE:
+        raise ValueError(f"scenarios: the shares sum to {total:.9g}; valid: a sum of 1")
+    return scenarios
+
+
+def _group_sizes(num_envs: Any, scenario: Sequence[Any] | Mapping[Any, float]) -> list[int]:
+    """Return the number of robots of each group; raise ValueError if a group would have no robots or a part of one."""
     count = len(scenario)
     if not count:
         raise ValueError("scenario: an empty list; valid: one scenario, or a list with a scenario for each group")
-    if arguments.check_count("num_envs", num_envs) % count:
+    robots = arguments.check_count("num_envs", num_envs)
+    if isinstance(scenario, Mapping):
+        if count > robots:
+            raise ValueError(f"num_envs: {count} scenarios need a robot each, got {robots}; valid: at least {count}")
+        return allocate_robots(list(scenario.values()), robots, min_count=1)
+    if robots % count:
         raise ValueError(f"num_envs: {count} scenarios need equal groups, got {num_envs}; valid: a multiple of {count}")
-    return int(num_envs) // count
+    return [robots // count] * count

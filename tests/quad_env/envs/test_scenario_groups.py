@@ -124,6 +124,66 @@ def test_a_wrong_list_is_refused_in_one_line(scenario: list[str], num_envs: int,
         make(scenario, num_envs)
 
 
+SHARES = {"flat": 0.5, "push=50+hardware": 0.375, SCENARIOS[2]: 0.125}
+
+
+def make_shares(scenarios: Any, num_envs: int = 8, **options: Any) -> Any:
+    return gym.make_vec("quad_env:SimpleQuad-v0", num_envs=num_envs, scenarios=scenarios, **options)
+
+
+def test_groups_have_the_shares_of_their_scenarios() -> None:
+    env = make_shares(SHARES)
+    assert [batch.num_envs for batch in env.batches] == [4, 3, 1]
+    assert env.scenario_ids.tolist() == [0, 0, 0, 0, 1, 1, 1, 2]
+    observation, _ = env.reset(seed=3)
+    for batch, rows in zip(env.batches, (slice(0, 4), slice(4, 7), slice(7, 8)), strict=True):
+        own, _ = make(batch.scenario, batch.num_envs).reset(seed=range(3, 11)[rows])
+        np.testing.assert_array_equal(observation[rows], own)
+
+
+def test_the_groups_of_shares_have_the_servo_gains_of_their_robots() -> None:
+    stiffness = 300.0 * np.random.default_rng(0).uniform(0.9, 1.1, (8, 12))
+    env = make_shares(SHARES, servo=(stiffness, 10.0))
+    alone = make(SCENARIOS[2], 1, servo=(stiffness[7:], 10.0))
+    env.reset(seed=0)
+    alone.reset(seed=7)
+    np.testing.assert_array_equal(env.step(actions(0, 8))[0][7:], alone.step(actions(0, 8)[7:])[0])
+
+
+def test_every_scenario_has_a_robot_however_small_its_share() -> None:
+    env = make_shares({"flat": 1 - 1e-5, "push:2": 1e-5})
+    assert [batch.num_envs for batch in env.batches] == [7, 1]
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "message"),
+    [
+        ({}, r"scenarios: no share of any scenario, got \{\}; valid: .*"),
+        (["flat"], r"scenarios: no share of any scenario, got \['flat'\]; valid: .*"),
+        ({"flat": 0.5, "hill": 0.5}, "unknown scenario 'hill'; valid: .*flat.*"),
+        ({"flat": 1.5, "push": -0.5}, "scenarios: invalid share of 'push', got -0.5; valid: positive numbers"),
+        ({"flat": 1.0, "push": 0}, "scenarios: invalid share of 'push', got 0; valid: positive numbers"),
+        ({"flat": np.nan}, "scenarios: invalid share of 'flat', got nan; valid: positive numbers"),
+        ({"flat": np.inf}, "scenarios: invalid share of 'flat', got inf; valid: positive numbers"),
+        ({"flat": "all"}, "scenarios: invalid share of 'flat', got 'all'; valid: positive numbers"),
+        ({"flat": True}, "scenarios: invalid share of 'flat', got True; valid: positive numbers"),
+        ({"flat": 0.5, "push": 0.49999}, r"scenarios: the shares sum to 0\.99999; valid: a sum of 1"),
+        (
+            {f"push={force}": 0.1 for force in range(10, 110, 10)},
+            "num_envs: 10 scenarios need a robot each, got 8; valid: at least 10",
+        ),
+    ],
+)
+def test_wrong_shares_are_refused_in_one_line(scenarios: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        make_shares(scenarios)
+
+
+def test_a_scenario_and_shares_of_scenarios_are_refused_together() -> None:
+    with pytest.raises(ValueError, match=r"^scenarios: scenario is given too; valid: .*$"):
+        make_shares(SHARES, scenario="flat")
+
+
 def test_no_robot_moves_before_all_groups_are_reset() -> None:
     env = make()
     home = np.tile(SIMPLE_QUAD.home_pose, (NUM_ENVS, 1))
@@ -187,6 +247,14 @@ def test_a_copy_gives_the_same_numbers(name: str) -> None:
     np.testing.assert_array_equal(twin.reset(seed=seed)[0], env.reset(seed=seed)[0])
     home = np.tile(SIMPLE_QUAD.home_pose, (NUM_ENVS, 1))
     np.testing.assert_array_equal(twin.step(home)[0], env.step(home)[0])
+
+
+@pytest.mark.parametrize("name", ["deepcopy", "pickle", "spec"])
+def test_a_copy_has_the_shares(name: str) -> None:
+    env = make_shares({"flat": 0.25, "push": 0.75})
+    twin = COPIES[name](env)
+    assert twin.scenario_ids.tolist() == env.scenario_ids.tolist()
+    np.testing.assert_array_equal(twin.reset(seed=8)[0], env.reset(seed=8)[0])
 
 
 def test_wrappers_of_the_batch_take_groups() -> None:
