@@ -261,8 +261,8 @@ class EpisodeView:
 
         env = self.step.env
         try:
-            self._camera = self._camera or Camera(env.simulation.model, *self._options.size, self._options.camera)
-            data = env.simulation.snapshot(0)
+            self._camera = self._camera or Camera(env.simulation.drawn_model, *self._options.size, self._options.camera)
+            data = env.simulation.drawn_snapshot(0)
             x, y, z = data.body("base_link").xpos
             distance = scale_to_robot(env.robot, FREE_CAMERA_DISTANCE, "m")
             viewpoint = Viewpoint(110.0, -12.0, distance, (x, y, z - env.robot.home_height / 3.0))

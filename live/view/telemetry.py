@@ -57,8 +57,8 @@ class Telemetry:
         simulation = self._session.env.simulation
         viewpoint = orbit.for_tile(self._session.latest.infos["position"][0], count)
         return RenderRequest(
-            model=simulation.model,
-            data=simulation.snapshot(0),
+            model=simulation.drawn_model,
+            data=simulation.drawn_snapshot(0),
             name=self._session.policy.name,
             viewpoint=viewpoint,
             arrows=self._scene.arrows(),

@@ -160,7 +160,14 @@ class QuadEnvBase:
         return partial(type(self), *args, **kwargs), (), state
 
     def _build(
-        self, num_envs: int, nthread: int, scenario: str | Scenario, readings: bool, **kwargs: Unpack[EnvKwargs]
+        self,
+        num_envs: int,
+        nthread: int,
+        scenario: str | Scenario,
+        *,
+        readings: bool,
+        visuals: bool,
+        **kwargs: Unpack[EnvKwargs],
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Create the simulation, the task and the episode schedule of n robots.
 
@@ -172,6 +179,7 @@ class QuadEnvBase:
             nthread: Number of simulation threads.
             scenario: Scenario or its name.
             readings: True to measure motors, foot forces, and ground contacts of feet and legs in every step.
+            visuals: False to simulate a model without the geoms that do not collide.
             **kwargs: Keyword arguments `EnvKwargs`; `SimpleQuadEnv` describes them.
 
         Returns:
@@ -201,6 +209,7 @@ class QuadEnvBase:
             imu=equipment.imu,
             has_meter=readings,
             tracks_footsteps=self._tracks_footsteps,
+            visuals=visuals,
         )
         self.simulation = Simulation(self.robot, self.scenario, simulation_config)
         """Simulation of the n robots."""

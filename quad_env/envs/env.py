@@ -106,7 +106,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        self.observation_space, self.action_space = self._build(1, 1, scenario, False, **parts)
+        self.observation_space, self.action_space = self._build(1, 1, scenario, readings=False, visuals=True, **parts)
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode

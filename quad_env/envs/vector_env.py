@@ -78,7 +78,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = arguments.parse_autoreset_mode(autoreset_mode)
-        spaces = self._build(num_envs, nthread, scenario, readings, **parts)
+        spaces = self._build(num_envs, nthread, scenario, readings=readings, visuals=False, **parts)
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
             "render_modes": list(RENDER_MODES),
@@ -211,8 +211,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if self._view is None:
             from quad_env.physics.rendering import Camera
 
-            self._view = Camera(self.simulation.model)
-        return tuple(self._view.draw(self.simulation.snapshot(i)) for i in range(self.num_envs))
+            self._view = Camera(self.simulation.drawn_model)
+        return tuple(self._view.draw(self.simulation.drawn_snapshot(i)) for i in range(self.num_envs))
 
     def true_observation(self, height_scan: HeightScan | None = None, with_scan_loss: bool = False) -> Observation:
         """Return the observation of the true present state, with the command to track next.

@@ -118,7 +118,7 @@ class Dynamics:
         """Compiled MuJoCo model and data of the robot, which are created on first use."""
         import mujoco
 
-        return _make_mujoco_model(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
+        return _make_mujoco_model(mujoco, build_spec(self.robot, visuals=False).compile(), self.robot.leg_names)
 
     def compute(
         self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats

@@ -39,6 +39,7 @@ def compile_model(
     timestep: float | None = None,
     solver_iterations: int | None = None,
     options: PhysicsOptions = NO_SIMPLIFICATION,
+    visuals: bool = True,
 ) -> mujoco.MjModel:
     """Compile the MuJoCo model of a robot in a scenario.
 
@@ -49,12 +50,13 @@ def compile_model(
         timestep: Physics step, s; None for the value in the MJCF.
         solver_iterations: Maximum contact-solver iterations per physics step; None for the value in the MJCF.
         options: Simplifications of the physics.
+        visuals: False to leave out the geoms that do not collide, see `build_spec`.
 
     Returns:
         The compiled model.
     """
     log_to_console()
-    spec = build_spec(robot)
+    spec = build_spec(robot, visuals)
     spec.option.timestep = timestep or spec.option.timestep
     spec.option.iterations = solver_iterations or spec.option.iterations
     _add_terrain(spec, scenario.terrain)

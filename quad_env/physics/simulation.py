@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import Any, NamedTuple, cast
 
@@ -63,6 +64,8 @@ Coordinates = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch]]
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """Slice of MuJoCo's warnings that mean divergence: bad position, velocity, acceleration or control."""
 _LINKS = ("thigh", "calf")
+_DRAWN_FIELDS = ("body_pos", "body_ipos", "body_mass", "body_subtreemass", "cam_poscom0", "light_poscom0")
+"""Fields that can differ between robots and that move a drawn body, or the camera that follows the centre of mass."""
 _SPAWN_HEIGHT = 10.0
 """Height from which a robot with a user's model is lowered onto uneven ground at the start, in leg lengths.
 
@@ -102,6 +105,8 @@ class SimulationConfig:
     """
     has_meter: bool = False
     """True to measure motors and foot forces in every physics step, and ground contacts of feet, thighs and calves."""
+    visuals: bool = True
+    """False to simulate a model without geoms that do not collide; `Simulation.drawn_model` has them in any case."""
     tracks_footsteps: bool = False
     """True to compute swing times, touchdown speeds, contacts, heights and speeds of the feet for `QuadState`."""
 
@@ -143,9 +148,9 @@ class Simulation:
         )
         self.robot = robot
         self.terrain = scenario.terrain
-        self.model = compile_model(
-            robot, scenario, config.actuator, config.timestep, config.solver_iterations, config.physics
-        )
+        self._scenario = scenario
+        self._config = config
+        self.model = self._compile_model(config.visuals)
         """Compiled MuJoCo model of the robots, with fields that may differ between robots.
 
         These fields are the payload position, the torque limits of hot motors, and randomised parameters. In this model
@@ -169,6 +174,19 @@ class Simulation:
         self._bind_loads(scenario)
         self._bind_actuators(scenario, config)
         self._bind_randomisation(scenario)
+
+    def _compile_model(self, visuals: bool) -> mujoco.MjModel:
+        """Compile the model of the robots, with or without geoms that do not collide."""
+        config = self._config
+        return compile_model(
+            self.robot,
+            self._scenario,
+            config.actuator,
+            config.timestep,
+            config.solver_iterations,
+            config.physics,
+            visuals,
+        )
 
     def _bind_state(self, num_envs: int) -> None:
         """Get the simulator's arrays of positions, velocities, targets and torques; create arrays for actions."""
@@ -667,6 +685,26 @@ class Simulation:
         data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
+
+    @cached_property
+    def drawn_model(self) -> mujoco.MjModel:
+        """Model for images: `model`, with the geoms that do not collide and their meshes."""
+        return self.model if self._config.visuals else self._compile_model(visuals=True)
+
+    def drawn_snapshot(self, robot: int) -> mujoco.MjData:
+        """Return MuJoCo data of `drawn_model` in the state of the robot with the index `robot`."""
+        data = self.snapshot(robot)
+        model = self.drawn_model
+        if model is self.model:
+            return data
+        for field in _DRAWN_FIELDS:
+            getattr(model, field)[:] = getattr(self.model, field)
+        drawn = mujoco.MjData(model)
+        drawn.time = data.time
+        drawn.qpos[:] = data.qpos
+        drawn.qvel[:] = data.qvel
+        mujoco.mj_forward(model, drawn)
+        return drawn
 
 
 def _count_substeps(control_rate: float, timestep: float) -> int:

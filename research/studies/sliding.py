@@ -241,7 +241,7 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy, servo="own"))
     with ExitStack() as patches:
         patches.enter_context(
-            patch("quad_env.physics.model.build_spec", lambda robot: setting.apply(build_spec(robot)))
+            patch("quad_env.physics.model.build_spec", lambda robot, visuals: setting.apply(build_spec(robot, visuals)))
         )
         if setting.exact:
             patches.enter_context(patch.object(Batch, "step", _exact_step))

@@ -40,9 +40,12 @@ def robots(name: str = "flat+randomised", **options: Any) -> Iterator[SimpleQuad
 
 
 def figures(env: Any, row: int = 0) -> dict[str, np.ndarray]:
-    """Return the model parameters of a robot."""
+    """Return the model parameters of a robot, of its geoms only those that collide."""
     env.simulation.sync_model(row)
-    return {field: getattr(env.simulation.model, field).copy() for field in FIELDS}
+    model = env.simulation.model
+    values = {field: getattr(model, field).copy() for field in FIELDS}
+    values["geom_friction"] = values["geom_friction"][(model.geom_contype | model.geom_conaffinity) != 0]
+    return values
 
 
 def differing(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> set[str]:
@@ -64,7 +67,8 @@ def test_a_robot_alone_has_the_figures_of_its_row() -> None:
     alone = SimpleQuadEnv("flat+randomised")
     alone.reset(seed=SEEDS[2])
     with robots() as env:
-        assert not differing(figures(alone), figures(env, 2))
+        # The bounding boxes of the single environment contain its visual geoms, which a batch does not have.
+        assert differing(figures(alone), figures(env, 2)) <= {"bvh_aabb"}
 
 
 def test_constants_follow_from_mass_and_centre_of_mass() -> None:
