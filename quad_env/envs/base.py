@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypedDict, Unpack
 
@@ -196,19 +196,11 @@ class QuadEnvBase:
         """Scenario of all episodes: terrain, commands, disturbances and initial state."""
         equipment = self._select_equipment(options)
         self._build_task(options)
-        simulation_config = SimulationConfig(
+        simulation_config = replace(
+            self._make_simulation_config(options, equipment, servo_gains),
             num_envs=num_envs,
             nthread=nthread,
-            control_rate=self.config.control_rate,
-            timestep=self.config.timestep,
-            solver_iterations=self.config.solver_iterations,
-            physics=self.config.physics,
-            simulator=options.simulator,
-            actuator=equipment.actuator,
-            servo_gains=servo_gains,
-            imu=equipment.imu,
             has_meter=readings,
-            tracks_footsteps=self._tracks_footsteps,
             visuals=visuals,
         )
         self.simulation = Simulation(self.robot, self.scenario, simulation_config)
@@ -218,6 +210,22 @@ class QuadEnvBase:
         self._upper = self.robot.joint_upper
         bound = self.observation_table.bound
         return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
+
+    def _make_simulation_config(
+        self, options: EnvOptions, equipment: Equipment, servo_gains: NDArray[np.float64] | None
+    ) -> SimulationConfig:
+        """Return the options of the simulation that follow from the task, the sensors and the servos."""
+        return SimulationConfig(
+            control_rate=self.config.control_rate,
+            timestep=self.config.timestep,
+            solver_iterations=self.config.solver_iterations,
+            physics=self.config.physics,
+            simulator=options.simulator,
+            actuator=equipment.actuator,
+            servo_gains=servo_gains,
+            imu=equipment.imu,
+            tracks_footsteps=self._tracks_footsteps,
+        )
 
     def _build_task(self, options: EnvOptions) -> None:
         """Prepare fall detection, reward weights, and the reward and observation terms of the user."""

@@ -72,7 +72,8 @@ STIFFNESS, DAMPING, STRENGTH, OFFSET = NUMBERS.uniform(-1, 1, (4, 12))
 def load(robot: Robot) -> list[float]:
     """Return mass, position in the trunk and drawn position of a payload, and its moment of inertia."""
     now, trunk = robot.now, robot.model.body("base_link").id
-    places = np.array((now.body("payload").xipos, now.geom("payload").xpos)) - now.xpos[trunk]
+    drawn = robot.base.simulation.drawn_snapshot(robot.row)
+    places = np.array((now.body("payload").xipos, drawn.geom("payload").xpos)) - now.xpos[trunk]
     mass = robot.model.body_subtreemass[trunk] - SIMPLE_QUAD.mass
     return [mass, *np.ravel(places @ now.xmat[trunk].reshape(3, 3)), robot.model.body("payload").inertia[0]]
 
