@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from policies.base import Floats, PolicyError
@@ -11,6 +12,10 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario, scaled
 from train.export.plain_network import PlainNetwork
 
+CLOCK_FORMATS = "formats with a clock: unitree, isaac-lab, toml"
+"""Note on the formats that can describe a policy with a gait clock."""
+CANNOT_SAY = "the format cannot say it"
+"""Reason why a format cannot describe a property of a network, if nothing more exact is known."""
 PHYSICS_PERIOD = 0.005
 """s. Physics step of Isaac Lab's velocity tasks, and period of rl_sar's servo loop."""
 
@@ -32,28 +37,37 @@ class ExportFormat:
     onnx: str
     """Path of the network as ONNX, relative to the folder of the export."""
     usage: str
-    """Command that runs the export in its project, one line."""
+    """Steps that run the export in its project, one line; `{robot}` stands for the name of the robot."""
     write: Callable[[PlainNetwork, Path], PlainNetwork]
     describes_all: bool = False
     """True if the format has past values at any age, averages, position errors and clocks of variable frequency."""
 
 
-def check_terms(network: PlainNetwork, names: Mapping[str, str], format_name: str) -> None:
+def check_terms(
+    network: PlainNetwork,
+    names: Mapping[str, str],
+    format_name: str,
+    reasons: Mapping[str, str] = MappingProxyType({}),
+) -> None:
     """Raise PolicyError for the first observation term that a format does not have.
 
     Args:
         network: Plain network.
         names: Name of a term of this project -> name in the format.
         format_name: Name of the format, for the message.
+        reasons: Name of a term -> reason why the programs of the format do not have it.
     """
     for term in network.spec.terms:
         if term.name not in names:
-            raise_unsupported(format_name, "observation term", term.name, ", ".join(names))
+            valid = ", ".join(names)
+            if term.name == "gait_clock":
+                valid += f"; {CLOCK_FORMATS}"
+            raise_unsupported(format_name, "observation term", term.name, valid, reasons.get(term.name, CANNOT_SAY))
         if term.zero_below:
             raise_unsupported(format_name, "clock at rest (clock_at_rest)", "hidden", "shown")
 
 
-def raise_unsupported(format_name: str, name: str, value: Any, valid: str) -> None:
+def raise_unsupported(format_name: str, name: str, value: Any, valid: str, reason: str = CANNOT_SAY) -> None:
     """Raise PolicyError because a format cannot describe a property of a network.
 
     Args:
@@ -61,11 +75,12 @@ def raise_unsupported(format_name: str, name: str, value: Any, valid: str) -> No
         name: Name of the property.
         value: Value of the property.
         valid: Values that the format can describe.
+        reason: Reason, as a clause.
 
     Raises:
         PolicyError: Always.
     """
-    raise PolicyError(f"--to {format_name}: {name}: the format cannot say it, got {value}; valid: {valid}")
+    raise PolicyError(f"--to {format_name}: {name}: {reason}, got {value}; valid: {valid}")
 
 
 def decimation_of(network: PlainNetwork) -> int:

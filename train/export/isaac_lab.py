@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from policies.external.spec import SpecTerm
+from quad_env.robots.robot import Robot
+from quad_env.robots.scene import build_spec
 from train.export.export_format import ExportFormat, check_terms, command_ranges, decimation_of, write_yaml
 from train.export.network_files import write_onnx, write_torchscript
 from train.export.plain_network import PlainNetwork, with_clock_gate
@@ -29,6 +31,12 @@ TERMS = {
 """Name of an observation term -> module and function that compute it in Isaac Lab."""
 TORCHSCRIPT = "exported/policy.pt"
 """Path of the network as TorchScript."""
+ARTICULATION = {
+    "enabled_self_collisions": False,
+    "solver_position_iteration_count": 4,
+    "solver_velocity_iteration_count": 0,
+}
+"""Settings of PhysX for the robot, as in Isaac Lab's configurations of quadrupeds; `PolicyController` needs them."""
 
 
 def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
@@ -94,9 +102,10 @@ def _robot(network: PlainNetwork) -> dict[str, Any]:
         "velocity_limit": None,
         "stiffness": dict(zip(spec.joints, spec.stiffness, strict=True)),
         "damping": dict(zip(spec.joints, spec.damping, strict=True)),
+        "armature": _armature(network.robot),
     }
     return {
-        "spawn": {"usd_path": f"{network.robot.name}.usd"},
+        "spawn": {"usd_path": f"{network.robot.name}.usd", "articulation_props": ARTICULATION},
         "init_state": {
             "pos": [0.0, 0.0, float(network.robot.home_height)],
             "joint_pos": position,
@@ -104,6 +113,12 @@ def _robot(network: PlainNetwork) -> dict[str, Any]:
         },
         "actuators": {"legs": legs},
     }
+
+
+def _armature(robot: Robot) -> dict[str, float]:
+    """Return the armature of each joint: name -> kg·m². `PolicyController` sets it to 0 if the file has none."""
+    model = build_spec(robot).compile()
+    return {name: float(model.dof_armature[model.joint(name).dofadr[0]]) for name in robot.joint_names}
 
 
 def _observations(network: PlainNetwork) -> dict[str, Any]:
@@ -140,7 +155,7 @@ FORMAT = ExportFormat(
     summary="params/env.yaml with exported/policy.onnx and exported/policy.pt, for Isaac Lab and Isaac Sim",
     settings="params/env.yaml",
     onnx="exported/policy.onnx",
-    usage="controller.load_policy('exported/policy.pt', 'params/env.yaml') of Isaac Sim's PolicyController",
+    usage="`controller.load_policy('exported/policy.pt', 'params/env.yaml')` of Isaac Sim's PolicyController",
     write=write,
 )
 """Format of Isaac Lab."""

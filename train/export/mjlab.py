@@ -2,7 +2,8 @@
 
 The metadata has the keys and the format that mjlab writes since version 1.6: lists with commas, and lists within them
 with semicolons. mjlab keeps the history of an observation term oldest step first, filled with the first value. The file
-has no control rate, no clock and no other action than `default_joint_pos + action_scale * action`.
+has no control rate, no clock and no other action than `default_joint_pos + action_scale * action`. A history of 0 steps
+is the present value alone; programs that read mjlab's policies refuse other histories, or stack them.
 """
 
 from collections.abc import Iterable
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from policies.external.readers.mjlab_onnx import CONTROL_RATE
+from policies.external.spec import SpecTerm
 from train.export.export_format import ExportFormat, check_terms, raise_unsupported
 from train.export.network_files import write_onnx
 from train.export.plain_network import PlainNetwork
@@ -25,6 +27,8 @@ TERMS = {
     "command": "command",
 }
 """Name of an observation term -> name in mjlab's velocity tasks."""
+REASONS = {"gait_clock": "mjlab's tasks have no clock, and the metadata of a term has no parameter for its period"}
+"""Name of an observation term -> reason why mjlab lacks it."""
 COMMAND = "twist"
 """Name of the command in mjlab's velocity tasks."""
 
@@ -41,7 +45,7 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
     Returns:
         The network as written.
     """
-    check_terms(network, TERMS, FORMAT.name)
+    check_terms(network, TERMS, FORMAT.name, REASONS)
     if not np.isclose(network.spec.control_rate, CONTROL_RATE):
         raise_unsupported(FORMAT.name, "control rate", f"{network.spec.control_rate:g} Hz", f"{CONTROL_RATE:g} Hz")
     write_onnx(network, folder / FORMAT.onnx, _metadata(network))
@@ -61,10 +65,15 @@ def _metadata(network: PlainNetwork) -> dict[str, str]:
         "observation_names": ",".join(TERMS[term.name] for term in spec.terms),
         "observation_terms_scale": ",".join(_format(term.scale, ";") for term in spec.terms),
         "observation_terms_flatten_history_dim": ",".join("1.000" for _ in spec.terms),
-        "observation_terms_history_length": ",".join(f"{term.history:.3f}" for term in spec.terms),
+        "observation_terms_history_length": ",".join(_history(term) for term in spec.terms),
         "observation_terms_clip": ",".join("-inf;inf" for _ in spec.terms),
         "action_scale": _format(spec.action_scale),
     }
+
+
+def _history(term: SpecTerm) -> str:
+    """Return the history of an observation term as text: the number of its steps, or 0 for the present value alone."""
+    return f"{term.history if term.history > 1 else 0:.3f}"
 
 
 def _format(values: Iterable[float], separator: str = ",") -> str:
@@ -77,7 +86,7 @@ FORMAT = ExportFormat(
     summary="policy.onnx with the metadata of mjlab's exporter, for programs that run mjlab's policies",
     settings="policy.onnx",
     onnx="policy.onnx",
-    usage="cp policy.onnx RUN/ beside the checkpoints of an mjlab run; deployment programs read its metadata",
+    usage="`cp policy.onnx RUN/` beside the checkpoints of an mjlab run; deployment programs read its metadata",
     write=write,
 )
 """Format of mjlab."""

@@ -29,7 +29,7 @@ def write(network: PlainNetwork, export_format: ExportFormat, source: str, has_p
         f"# {Path(source).name} for {network.robot.name}, {export_format.name}",
         "",
         f"Files: {export_format.summary}.",
-        f"There: `{export_format.usage}`.",
+        f"There: {export_format.usage.format(robot=network.robot.name)}.",
         program if has_program else missing,
         f"Here: `python -m evaluate --policies {export_format.settings} --robot {network.robot.name}`.",
         f"Observation: {terms}. Rate: {spec.control_rate:g} Hz.",

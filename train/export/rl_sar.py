@@ -2,7 +2,7 @@
 
 rl_sar scales an observation term, then clips the whole observation. Gravity and the previous action have no scale, and
 all joints have the same one. The history starts with zeros, so that a policy with a history, which starts with its
-first observation, cannot be described; nor can a clock with a frequency of its own.
+first observation, cannot be described. Its linear velocity is always 0, and it has no clock.
 """
 
 from pathlib import Path
@@ -18,7 +18,6 @@ from train.export.plain_network import PlainNetwork, with_folded_scales
 from train.export.unitree import motors_of_joints
 
 TERMS = {
-    "linear_velocity": "lin_vel",
     "angular_velocity": "ang_vel",
     "projected_gravity": "gravity_vec",
     "command": "commands",
@@ -27,8 +26,12 @@ TERMS = {
     "previous_action": "actions",
 }
 """Name of an observation term -> name in rl_sar."""
+REASONS = {
+    "linear_velocity": "rl_sar's programs never set lin_vel, so that it is always 0",
+    "gait_clock": "rl_sar has no clock; RoboMimic_Deploy/phase is time / motion_length, which no settings file sets",
+}
+"""Name of an observation term -> reason why rl_sar lacks it."""
 SCALES = {
-    "linear_velocity": "lin_vel_scale",
     "angular_velocity": "ang_vel_scale",
     "joint_position": "dof_pos_scale",
     "joint_velocity": "dof_vel_scale",
@@ -52,7 +55,7 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
     Returns:
         The network as written, with the scales in it that rl_sar lacks.
     """
-    check_terms(network, TERMS, FORMAT.name)
+    check_terms(network, TERMS, FORMAT.name, REASONS)
     history = max(term.history for term in network.spec.terms)
     if history > 1:
         raise_unsupported(FORMAT.name, "history that starts with the first observation", f"{history} steps", "1 step")
@@ -88,7 +91,10 @@ def _base(network: PlainNetwork) -> dict[str, Any]:
 
 
 def _config(network: PlainNetwork) -> dict[str, Any]:
-    """Return the content of `config.yaml`: the policy, with its joints in its own order."""
+    """Return the content of `config.yaml`: the policy, with its joints in its own order.
+
+    The fixed gains, with which the robot stands up, equal the gains in `base.yaml`, in the order of the policy.
+    """
     spec = network.spec
     scale_of = {term.name: term.scale for term in spec.terms}
     joints = len(spec.joints)
@@ -103,6 +109,8 @@ def _config(network: PlainNetwork) -> dict[str, Any]:
         "clip_actions_upper": [NO_CLIP] * joints,
         "rl_kp": list(spec.stiffness),
         "rl_kd": list(spec.damping),
+        "fixed_kp": list(spec.stiffness),
+        "fixed_kd": list(spec.damping),
         "num_of_dofs": joints,
         "action_scale": list(spec.action_scale),
         **{key: scale_of.get(name, (1.0,))[0] for name, key in SCALES.items()},
@@ -118,7 +126,10 @@ FORMAT = ExportFormat(
     summary=f"base.yaml, {POLICY}/config.yaml, {POLICY}/policy.pt (and policy.onnx) for rl_sar",
     settings=f"{POLICY}/config.yaml",
     onnx=f"{POLICY}/policy.onnx",
-    usage="cp -r . rl_sar/policy/go2, then ./cmake_build/bin/rl_sim_mujoco go2 scene",
+    usage=(
+        '`cp -r . rl_sar/policy/{robot}`, set `rl.config_name = "simple_quad"` in'
+        " src/rl_sar/fsm_robot/fsm_{robot}.hpp, build, then `./cmake_build/bin/rl_sim_mujoco {robot} scene`"
+    ),
     write=write,
 )
 """Format of rl_sar."""

@@ -29,7 +29,7 @@ FORMAT = ExportFormat(
     summary="policy.toml, which describes everything, and policy.onnx",
     settings="policy.toml",
     onnx="policy.onnx",
-    usage="python -m quad_env doctor --policy policy.toml",
+    usage="`python -m quad_env doctor --policy policy.toml`",
     write=write,
     describes_all=True,
 )

@@ -28,6 +28,8 @@ TERMS = {
     "gait_clock": "gait_phase",
 }
 """Name of an observation term -> name of its function in Unitree's controllers."""
+REASONS = {"linear_velocity": "Unitree's controllers have no estimate of it"}
+"""Name of an observation term -> reason why Unitree's controllers lack it."""
 
 
 def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
@@ -43,7 +45,7 @@ def write(network: PlainNetwork, folder: Path) -> PlainNetwork:
         The network as written.
     """
     written = with_clock_gate(network)
-    check_terms(written, TERMS, FORMAT.name)
+    check_terms(written, TERMS, FORMAT.name, REASONS)
     write_onnx(written, folder / FORMAT.onnx)
     write_yaml(_settings(written), folder / FORMAT.settings)
     return written
@@ -93,7 +95,10 @@ FORMAT = ExportFormat(
     summary="params/deploy.yaml and exported/policy.onnx, for the C++ of unitree_rl_lab and unitree_rl_mjlab",
     settings="params/deploy.yaml",
     onnx="exported/policy.onnx",
-    usage="cp -r . unitree_rl_lab/deploy/robots/go2/config/policy/velocity/v0 && ./go2_ctrl --network lo",
+    usage=(
+        "`cp -r . deploy/robots/{robot}/config/policy/velocity/v0` in unitree_rl_mjlab or unitree_rl_lab, name this"
+        " folder as policy_dir of Velocity in config/config.yaml, then `./{robot}_ctrl --network lo`"
+    ),
     write=write,
 )
 """Format of unitree_rl_lab and unitree_rl_mjlab."""

@@ -16,6 +16,7 @@ from onnxruntime import InferenceSession
 from policies import bundle
 from policies.base import PolicyError
 from policies.external.joint_mapping import map_joints
+from policies.external.onnx_network import read_metadata
 from policies.history import Inputs
 from policies.input_terms import DEPLOYABLE_TERMS
 from policies.residual import NO_HISTORY, ResidualPolicy
@@ -32,6 +33,8 @@ TOLERANCE = 1e-6
 """Largest difference of the joint targets, rad."""
 CLOCKS = ("unitree", "isaac-lab", "toml")
 """Formats with a clock and with a history that starts with the first observation."""
+MEASURED = ("unitree", "rl-sar")
+"""Formats of programs that have no linear velocity."""
 
 
 def turned_robot(folder: Path) -> Robot:
@@ -57,7 +60,7 @@ def difference(policy: ResidualPolicy, to: str, folder: Path) -> float:
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("to", FORMATS)
 def test_the_policy_read_back_has_the_same_targets(to: str, robot: str, tmp_path: Path) -> None:
-    ignored = ("linear_velocity",) if to == "unitree" else ()
+    ignored = ("linear_velocity",) if to in MEASURED else ()
     policy = make_policy(get_robot(robot), NO_HISTORY, ignored=ignored)
     assert difference(policy, to, tmp_path / "out") < TOLERANCE
 
@@ -108,12 +111,14 @@ def test_a_joint_that_is_never_corrected_keeps_its_base_pose(bounded: bool, tmp_
     ("to", "torchscript"), [("isaac-lab", "exported/policy.pt"), ("rl-sar", "simple_quad/policy.pt")]
 )
 def test_both_network_files_of_an_export_are_one_network(to: str, torchscript: str, tmp_path: Path) -> None:
-    export(make_policy(SIMPLE_QUAD, NO_HISTORY), "mine", to, tmp_path / "out")
+    ignored = ("linear_velocity",) if to in MEASURED else ()
+    export(make_policy(SIMPLE_QUAD, NO_HISTORY, ignored=ignored), "mine", to, tmp_path / "out")
     session = InferenceSession(tmp_path / "out" / FORMATS[to].onnx)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         module = torch.jit.load(tmp_path / "out" / torchscript)
-    observations = np.random.default_rng(0).standard_normal((20, 1, 48)).astype(np.float32)
+    width = session.get_inputs()[0].shape[1]
+    observations = np.random.default_rng(0).standard_normal((20, 1, width)).astype(np.float32)
     for observation in observations:
         (actions,) = session.run(None, {"obs": observation})
         np.testing.assert_allclose(module(torch.from_numpy(observation)).numpy(), actions, atol=TOLERANCE)
@@ -233,7 +238,7 @@ def test_the_policy_read_back_walks_as_the_shipped_policy(scenario: str, tmp_pat
     np.testing.assert_allclose(np.mean(velocities[100:], axis=0), 0.5, atol=0.15)
 
 
-@pytest.mark.parametrize("to", sorted({*FORMATS} - {"unitree"}))
+@pytest.mark.parametrize("to", sorted({*FORMATS} - {*MEASURED}))
 def test_the_shipped_policy_without_a_clock_weight_is_exported(to: str, tmp_path: Path, repository: Path) -> None:
     policy = bundle.load(repository / "models/end_to_end")
     weights = policy.network.weights[0].copy()
@@ -261,12 +266,57 @@ def test_unitree_s_file_has_gains_by_motor_and_values_by_joint(tmp_path: Path) -
     assert {"lin_vel_x", "lin_vel_y", "ang_vel_z"} < written["commands"]["base_velocity"]["ranges"].keys()
 
 
+def exported(policy: ResidualPolicy, to: str, folder: Path) -> Path:
+    """Export a policy to a new folder, and return the folder."""
+    export(policy, "mine", to, folder / "out")
+    return folder / "out"
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_isaac_sim_finds_what_its_controller_reads(robot: str, tmp_path: Path) -> None:
+    policy = make_policy(get_robot(robot), Inputs(terms=DEPLOYABLE_TERMS), crouches=False)
+    folder = exported(policy, "isaac-lab", tmp_path)
+    written = yaml.safe_load((folder / "params/env.yaml").read_text(encoding="utf-8"))["scene"]["robot"]
+    # `PolicyController.initialize` reads a mapping here, and sets the armature to 0 if the file has none.
+    assert isinstance(written["spawn"]["articulation_props"]["enabled_self_collisions"], bool)
+    model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+    armature = {name: model.dof_armature[model.joint(name).dofadr[0]] for name in policy.robot.joint_names}
+    assert written["actuators"]["legs"]["armature"] == pytest.approx(armature)
+    assert min(armature.values()) > 0.0
+
+
+@pytest.mark.parametrize(("history", "text"), [(1, "0.000"), (5, "5.000")])
+def test_a_single_step_is_no_history_in_mjlab(history: int, text: str, tmp_path: Path) -> None:
+    folder = exported(make_policy(SIMPLE_QUAD, Inputs(terms=DEPLOYABLE_TERMS, history=history)), "mjlab", tmp_path)
+    metadata = read_metadata(folder / "policy.onnx")
+    assert metadata["observation_terms_history_length"].split(",") == [text] * len(DEPLOYABLE_TERMS)
+
+
+def test_rl_sar_has_the_gains_of_both_modes_in_the_order_of_the_policy(tmp_path: Path) -> None:
+    folder = exported(make_policy(get_robot("go2"), Inputs(terms=DEPLOYABLE_TERMS)), "rl-sar", tmp_path)
+    (written,) = yaml.safe_load((folder / "simple_quad/config.yaml").read_text(encoding="utf-8")).values()
+    assert written["fixed_kp"] == written["rl_kp"]
+    assert written["fixed_kd"] == written["rl_kd"]
+
+
+@pytest.mark.parametrize(
+    ("to", "words"),
+    [("rl-sar", ('config_name = "simple_quad"', "fsm_go2.hpp")), ("unitree", ("policy_dir", "go2_ctrl"))],
+)
+def test_the_readme_says_how_the_program_finds_the_policy(to: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    folder = exported(make_policy(get_robot("go2"), Inputs(terms=DEPLOYABLE_TERMS)), to, tmp_path)
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert [word for word in words if word not in text] == []
+
+
+IGNORES = {"ignored": ("linear_velocity",)}
 REFUSALS = {
-    "linear velocity": ("unitree", NO_HISTORY, {}, "observation term: the format cannot say it, got linear_velocity"),
-    "mjlab clock": ("mjlab", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
+    "linear velocity": ("unitree", NO_HISTORY, {}, "observation term: .* no estimate of it, got linear_velocity"),
+    "rl_sar velocity": ("rl-sar", NO_HISTORY, {}, "observation term: .* lin_vel, .* always 0, got linear_velocity"),
+    "mjlab clock": ("mjlab", Inputs(clock=2.0), {}, "no parameter .* period, got gait_clock; .* unitree, isaac-lab"),
     "mjlab rate": ("mjlab", NO_HISTORY, {"hold": 1}, "control rate: .* got 100 Hz; valid: 50 Hz"),
-    "rl_sar clock": ("rl-sar", Inputs(clock=2.0), {}, "got gait_clock; valid: linear_velocity"),
-    "rl_sar history": ("rl-sar", Inputs(lags=(0.02,)), {}, "starts with the first observation: .* got 2 steps"),
+    "rl_sar clock": ("rl-sar", Inputs(clock=2.0), IGNORES, "motion_length, .* got gait_clock; .* unitree, isaac-lab"),
+    "rl_sar history": ("rl-sar", Inputs(lags=(0.02,)), IGNORES, "starts with the first observation: .* got 2 steps"),
     "averages": ("mjlab", Inputs(averages=(0.3,)), {}, r"inputs.averages: only --to toml can say it, got \(0.3,\)"),
     "position error": ("rl-sar", Inputs(position_error=0.5), {}, "inputs.position_error: only --to toml .* got 0.5"),
     "clock gain": ("isaac-lab", Inputs(clock=2.0, clock_gain=0.6), {}, "inputs.clock_gain: only --to toml .* got 0.6"),
