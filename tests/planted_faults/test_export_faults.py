@@ -77,6 +77,10 @@ def gains_in_degrees(config: dict[str, Any]) -> dict[str, Any]:
     return config | {"rl_kp": np.radians(config["rl_kp"]).tolist()}
 
 
+def unitree_gains_in_degrees(settings: dict[str, Any]) -> dict[str, Any]:
+    return settings | {"stiffness": np.radians(settings["stiffness"]).tolist()}
+
+
 def scaled_again(settings: dict[str, Any]) -> dict[str, Any]:
     action = settings["actions"]["joint_pos"]
     action["scale"] = {name: value**2 for name, value in action["scale"].items()}
@@ -112,6 +116,14 @@ FAULTS: Faults = {
     ),
     "clock runs at rest": (changed(unitree, "with_clock_gate", without_gate), check_unitree_s_file_is_the_policy),
     "names of FR and FL exchanged": (changed(mjlab, "_metadata", exchange_names), check_mjlab_s_file_is_the_policy),
+    "joint mapping of FR and FL exchanged": (
+        changed(rl_sar, "motors_of_joints", exchange_front_legs),
+        check_rl_sar_s_file_is_the_policy,
+    ),
+    "stiffness of the motors in degrees": (
+        changed(unitree, "_settings", unitree_gains_in_degrees),
+        check_unitree_s_file_is_the_policy,
+    ),
     "stiffness in degrees": (changed(rl_sar, "_config", gains_in_degrees), check_rl_sar_s_file_is_the_policy),
     "action scale twice in the file": (
         changed(isaac_lab, "_settings", scaled_again),
@@ -122,6 +134,7 @@ FAULTS: Faults = {
         check_the_toml_is_the_policy,
     ),
     "newest step first": (changed(plain_network, "_lay_out", newest_first), check_unitree_s_file_is_the_policy),
+    "newest step first in mjlab": (changed(plain_network, "_lay_out", newest_first), check_mjlab_s_file_is_the_policy),
     "gravity points up": (changed(plain_network, "_observation_terms", gravity_up), check_the_toml_is_the_policy),
 }
 

@@ -1,8 +1,11 @@
 """Every option of `python -m train export` has its effect, with a value different from its default."""
 
 import json
+import os
+import shutil
 import subprocess
 import sys
+import time
 import tomllib
 from dataclasses import fields
 from pathlib import Path
@@ -95,15 +98,55 @@ def test_the_folder_of_an_export_is_new_or_empty(tmp_path: Path, capsys: pytest.
     assert len((tmp_path / "empty/README.md").read_text(encoding="utf-8").splitlines()) == 10
 
 
-def test_the_program_of_an_export_walks_without_this_project(tmp_path: Path) -> None:
-    assert main(["export", "end_to_end", "--to", "toml", "--out", str(tmp_path / "out")]) == 0
-    program = tmp_path / "out/run.py"
-    command = [sys.executable, "-I", str(program), "--headless", "3"]
-    said = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path, timeout=300).stdout
-    distance, words = said.removeprefix("distance ").split(" m in ")
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the stand-alone program of an export of the shipped policy."""
+    folder = tmp_path_factory.mktemp("export") / "out"
+    assert main(["export", "end_to_end", "--to", "toml", "--out", str(folder)]) == 0
+    return folder / "run.py"
+
+
+@pytest.mark.parametrize(("words", "seconds"), [("--headless 3", 3.0), ("--headless", 10.0)])
+def test_the_program_of_an_export_walks_without_this_project(words: str, seconds: float, program: Path) -> None:
+    command = [sys.executable, "-I", str(program), *words.split()]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout
+    distance, result = said.removeprefix("distance ").split(" m in ")
     # The default command is 0.6 m/s forward.
-    assert 1.2 < float(distance) < 2.4
-    assert words == "3.0 s, upright\n"
+    assert 0.4 < float(distance) / seconds < 0.8
+    assert result == f"{seconds} s, upright\n"
+
+
+def test_the_program_of_an_export_needs_mujoco_and_onnxruntime_alone(program: Path) -> None:
     text = program.read_text(encoding="utf-8")
-    imported = {line.split()[1].split(".")[0] for line in text.splitlines() if line.startswith(("import ", "from "))}
-    assert imported == {"argparse", "time", "collections", "pathlib", "mujoco", "numpy", "onnxruntime"}
+    assert len(text.splitlines()) < 250
+    lines = (line.strip() for line in text.splitlines())
+    imported = {line.split()[1].split(".")[0] for line in lines if line.startswith(("import ", "from "))}
+    # MuJoCo depends on numpy.
+    assert imported - sys.stdlib_module_names == {"mujoco", "numpy", "onnxruntime"}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a display is a variable of the environment on Linux alone")
+def test_the_program_of_an_export_names_headless_where_no_window_can_open(program: Path) -> None:
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-I", str(program)]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    assert said.returncode == 1
+    assert said.stdout == ""
+    assert said.stderr == "window: no display can be opened; python run.py --headless walks without a window\n"
+
+
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="needs a virtual display, of the package xvfb")
+def test_the_program_of_an_export_walks_in_a_window(program: Path, tmp_path: Path) -> None:
+    # The robot is thrown onto its back after 1 s, which ends the walk.
+    text = program.read_text(encoding="utf-8")
+    fall = "        window.sync()\n            data.qpos[3:7] = (0, 1, 0, 0) if data.time > 1.0 else data.qpos[3:7]\n"
+    changed = text.replace("        window.sync()\n", fall)
+    assert changed != text
+    copy = program.with_name("falling.py")
+    copy.write_text(changed, encoding="utf-8")
+    start = time.perf_counter()
+    command = ["xvfb-run", "-a", sys.executable, "-I", str(copy)]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.endswith(" m in 1.0 s, fell\n")
+    assert time.perf_counter() - start > 1.0

@@ -23,7 +23,9 @@ def write(network: PlainNetwork, export_format: ExportFormat, source: str, has_p
     """
     spec = network.spec
     terms = ", ".join(f"{term.name} x {term.history}" if term.history > 1 else term.name for term in spec.terms)
-    program = f"`python {PROGRAM}` walks in a window, `python {PROGRAM} --headless 10` prints the distance."
+    program = (
+        f"`python {PROGRAM}` walks in a window, `python {PROGRAM} --headless` without one; both print the distance."
+    )
     missing = f"There is no {PROGRAM}: a colliding part of {network.robot.name} is a mesh."
     lines = [
         f"# {Path(source).name} for {network.robot.name}, {export_format.name}",
