@@ -77,8 +77,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Return the import names of the optional extras: films as .mp4, clusters, other simulators."""
-    extras = {name.replace("-", "_") for extra in ("video", "cluster") for name in requirements(repository, extra)}
+    """Return the import names of the optional extras: robots on a network, films as .mp4, clusters, simulators."""
+    extras = {name.replace("-", "_") for extra in ("unitree", "video", "cluster") for name in requirements(repository, extra)}
     return extras | {"pydrake", "mujoco_warp", "warp"}
 
 
@@ -197,7 +197,7 @@ def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(
     assert environment | commands <= set().union(*third_party(repository, ("quad_env",)).values())
     assert extra <= used.union(INDIRECT, *training.values())
     assert optional(repository) <= {
-        name for package in ("evaluate", "quad_env") for name in imported(repository / package)
+        name for package in ("evaluate", "live", "quad_env") for name in imported(repository / package)
     }
 
 

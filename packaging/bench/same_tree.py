@@ -16,7 +16,7 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 REQUIRED_EXTRAS = "commands,bench"
 """Extras of `simple-quad` that `simple-quad-bench` always needs."""
-EXTRAS = "train", "onnx", "robots", "drake", "warp", "cluster", "recording", "video"
+EXTRAS = "train", "onnx", "robots", "drake", "warp", "cluster", "recording", "unitree", "video"
 """Extras of `simple-quad` that `simple-quad-bench` has too."""
 PIP_FOLDER = re.compile(r"pip-[a-z-]+-\w{8}")
 """Name of a temporary folder in which pip unpacks or clones what it builds."""
