@@ -78,8 +78,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 def optional(repository: Path) -> set[str]:
     """Return the import names of the optional extras: robots on a network, films as .mp4, clusters, simulators."""
-    extras = {name.replace("-", "_") for extra in ("unitree", "video", "cluster") for name in requirements(repository, extra)}
-    return extras | {"pydrake", "mujoco_warp", "warp"}
+    names = set().union(*(requirements(repository, extra) for extra in ("unitree", "video", "cluster")))
+    return {name.replace("-", "_") for name in names} | {"pydrake", "mujoco_warp", "warp"}
 
 
 @pytest.fixture(scope="session")
