@@ -23,7 +23,9 @@ from evaluate.film import files, page, scene, shooting
 from evaluate.measures import outcomes, tracking
 from evaluate.statistics import intervals, sequential
 from live import session
+from live.commands.drive import DriveOptions
 from live.ros import bridge, node
+from live.unitree import command_guard, driver, low_level_robot, motors, server
 from live.view import controller, render_thread
 from policies import residual
 from policies.behaviour.transitions import TIME_LIMIT
@@ -164,6 +166,23 @@ FACTS: list[Fact] = [
         lambda: [1 / node.JOINT_STATE_PERIOD],
     ),
     ("docs/ros.md", f"velocities beyond ±{NUMBER} are ignored", lambda: [quad_env.config.COMMAND_BOUND]),
+    ("docs/unitree.md", f"out, {NUMBER} Hz", lambda: [low_level_robot.RATE]),
+    ("docs/unitree.md", f"sensors that are read {NUMBER} times per second", lambda: [low_level_robot.SENSOR_RATE]),
+    (
+        "docs/unitree.md",
+        f"motors are damped, with {NUMBER} N·m·s/rad and no stiffness: before the first command, {NUMBER} s after",
+        lambda: [motors.DAMPING, command_guard.COMMAND_TIMEOUT],
+    ),
+    ("docs/unitree.md", f"messages arrive at more than {NUMBER} Hz", lambda: [command_guard.MAX_RATE]),
+    ("docs/unitree.md", f"began more than {NUMBER} ms late", lambda: [1000 * server.MAX_LATENESS]),
+    ("docs/unitree.md", f"the home pose within {NUMBER} s", lambda: [driver.STAND_TIME]),
+    ("docs/unitree.md", f"zero {NUMBER} s after its last message", lambda: [driver.REMOTE_TIMEOUT]),
+    (
+        "docs/unitree.md",
+        f"tilted by more than {NUMBER}°, or a joint is {NUMBER} rad beyond",
+        lambda: [round(math.degrees(driver.MAX_TILT)), driver.JOINT_MARGIN],
+    ),
+    ("docs/unitree.md", f"no state has arrived for {NUMBER} s", lambda: [DriveOptions().state_timeout]),
     (
         "docs/behaviour.md",
         f"jump {NUMBER} s, fall {NUMBER} s, recover {NUMBER} s",

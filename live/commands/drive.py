@@ -51,16 +51,16 @@ def main(options: DriveOptions) -> int:
     driver = Driver(bus, policy, np.array(options.command), options.state_timeout, print_line)
     print_line(f"{policy.policy.name} for {policy.robot.name}: waits for rt/lowstate; Ctrl-C damps the motors")
     try:
+        # The motors are damped inside the block, because a Ctrl-C at the end must not leave them without damping.
         with Interrupt() as interrupt:
-            _drive(driver, options, interrupt)
+            try:
+                _drive(driver, options, interrupt)
+            finally:
+                _damp(driver, policy.policy.control_period)
     except Stopped as stop:
         raise UsageError(f"{stop}; the motors were damped") from stop
-    finally:
-        if driver.state is not None:
-            end = time.monotonic() + DAMPING_TIME
-            while time.monotonic() < end:
-                driver.damp()
-                time.sleep(policy.policy.control_period)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{driver.walking_time:.1f} s walked; the motors are damped") from None
     print_line(f"{driver.walking_time:.1f} s walked; the motors are damped")
     return 0
 
@@ -76,6 +76,14 @@ def _drive(driver: Driver, options: DriveOptions, interrupt: Interrupt) -> None:
             time.sleep(POLL_PERIOD)
         if options.seconds is not None and driver.walking_time >= options.seconds:
             return
+
+
+def _damp(driver: Driver, period: float) -> None:
+    """Send damping commands at intervals of `period`, s, if the robot has published its state."""
+    end = time.monotonic() + (0.0 if driver.state is None else DAMPING_TIME)
+    while time.monotonic() < end:
+        driver.damp()
+        time.sleep(period)
 
 
 def print_line(text: str) -> None:

@@ -37,6 +37,8 @@ def main(options: UnitreeOptions) -> int:
     try:
         with Interrupt() as interrupt:
             unitree.run(math.inf if options.seconds is None else options.seconds, interrupt)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{unitree.time:.1f} s simulated") from None
     finally:
         print(unitree.timing, flush=True)
         if unitree.guard.faults:

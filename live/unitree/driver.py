@@ -100,7 +100,8 @@ class Driver:
             return False
         self._check_danger(state)
         period = round(1000 * self._policy.policy.control_period)
-        self._next_tick = max(self._next_tick + period, state.tick + 1)
+        is_on_time = state.tick < self._next_tick + period
+        self._next_tick = period + (self._next_tick if is_on_time else state.tick)
         self._send(self._commands(state))
         return True
 
@@ -133,6 +134,8 @@ class Driver:
             self._start_pose = state.joint_position
             self._targets = state.joint_position
             self._log("rt/lowstate arrives; the robot stands up")
+        elif state.tick < self.state.tick:
+            raise Stopped(f"the clock of the robot went back from {self.state.tick} to {state.tick} ms")
         self.state = state
         self._state_time = monotonic()
         return True
@@ -186,6 +189,8 @@ class Driver:
         period = self._policy.policy.control_period
         rows = (targets, self._targets, state.joint_position, state.joint_velocity)
         self._targets = self._limits.limit_targets(robot, period, *(row[None] for row in rows))[0]
+        if not np.isfinite(self._targets).all():
+            raise Stopped(f"{self._policy.policy.name} gives joint targets that are not finite")
         zeros = np.zeros(JOINTS)
         return MotorCommands(self._targets, zeros, robot.servo_stiffness, robot.servo_damping, zeros)
 
