@@ -139,19 +139,24 @@ class FirstOrderFilter:
         """Set the filter output of the robots with the indices `env_ids` to the home pose."""
         self._value[env_ids] = self._home
 
-    def update(self, targets: Array, env_ids: EnvSelection) -> Array:
-        """Advance the filters of k robots by a physics step.
+    def update(self, targets: Array, env_ids: EnvSelection, count: int) -> Array:
+        """Advance the filters of k robots by `count` physics steps with constant targets.
 
         Args:
-            targets: Joint targets of the k robots during the physics step, (k, 12), rad.
+            targets: Joint targets of the k robots during the physics steps, (k, 12), rad.
             env_ids: Indices of the k robots, or a slice.
+            count: Number m of physics steps.
 
         Returns:
-            Filtered joint targets at the start of the physics step, (k, 12), rad.
+            Filtered joint targets at the start of each physics step, (m, k, 12), rad.
         """
-        value = self._value[env_ids].copy()
-        self._value[env_ids] = value + self._gain * (targets - value)
-        return value
+        outputs = np.empty((count, *targets.shape))
+        value = self._value[env_ids]
+        for number in range(count):
+            outputs[number] = value
+            value = value + self._gain * (targets - value)
+        self._value[env_ids] = value
+        return outputs
 
 
 class MotorThermalModel:
@@ -188,6 +193,12 @@ class MotorThermalModel:
         self._cool_fraction = thermal.derated + (1 - thermal.derated) * 1.0
         """Fraction of the full limit of a cool motor as `update` computes it, which rounding may change from 1."""
 
+    def has_cool_motors(self, env_ids: EnvSelection) -> bool:
+        """Return True if all motors of the robots `env_ids` have full torque limits and are too cool to lose them."""
+        hottest = self.temperature[env_ids].max(initial=self._thermal.ambient)
+        is_cool = self._cool_fraction == 1.0 and hottest <= self._thermal.derating
+        return bool(is_cool and self._has_full_range[env_ids].all())
+
     def reset(self, env_ids: EnvSelection) -> None:
         """Set the motors of the robots `env_ids` to the ambient temperature and to the limits in `full_range`."""
         self.temperature[env_ids] = self._thermal.ambient
@@ -202,13 +213,38 @@ class MotorThermalModel:
             torque: Motor torques of the k robots in the physics step, (k, 12), N·m.
             env_ids: Indices of the k robots, or a slice.
         """
-        thermal = self._thermal
-        steady = thermal.ambient + self._temperature_per_torque2 * (torque * torque)
-        temperature = steady + (self.temperature[env_ids] - steady) * self._decay
-        self.temperature[env_ids] = temperature
-        is_cool = self._cool_fraction == 1.0 and temperature.max(initial=thermal.ambient) <= thermal.derating
-        if not (is_cool and self._has_full_range[env_ids].all()):
-            self._derate(temperature, env_ids)
+        self.temperature[env_ids] = self._next_temperature(self._steady_temperature(torque), self.temperature[env_ids])
+        if not self.has_cool_motors(env_ids):
+            self._derate(self.temperature[env_ids], env_ids)
+
+    def update_cool_motors(self, torques: Array, env_ids: EnvSelection) -> bool:
+        """Advance winding temperatures of k robots with cool motors by several physics steps.
+
+        Nothing changes if a motor becomes so hot in these steps that it loses torque, because its torques in later
+        steps are then wrong.
+
+        Args:
+            torques: Motor torques of the k robots in each of m physics steps, (m, k, 12), N·m.
+            env_ids: Indices of the k robots, or a slice.
+
+        Returns:
+            True if the temperatures have advanced.
+        """
+        temperatures = [self.temperature[env_ids]]
+        for steady in self._steady_temperature(torques):
+            temperatures.append(self._next_temperature(steady, temperatures[-1]))
+        if not np.max(temperatures, initial=self._thermal.ambient) <= self._thermal.derating:
+            return False
+        self.temperature[env_ids] = temperatures[-1]
+        return True
+
+    def _steady_temperature(self, torque: Array) -> Array:
+        """Return the winding temperatures to which constant torques lead, (..., 12), °C; `torque` is in N·m."""
+        return self._thermal.ambient + self._temperature_per_torque2 * (torque * torque)
+
+    def _next_temperature(self, steady: Array, temperature: Array) -> Array:
+        """Return the winding temperatures, (k, 12), °C, a physics step after `temperature`, on the way to `steady`."""
+        return steady + (temperature - steady) * self._decay
 
     def _derate(self, temperature: Array, env_ids: EnvSelection) -> None:
         """Set the torque limits of the robots `env_ids` to those at the winding temperatures `temperature`, (k, 12)."""

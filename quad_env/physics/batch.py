@@ -89,7 +89,13 @@ class RecordingBatch(Batch, Protocol):
     """Complete state of each robot, (n, size); writing to it changes the robots."""
 
     def rollout(
-        self, nstep: int, *, record: Sequence[str], ids: EnvSelection | None, out: dict[str, Array] | None
+        self,
+        nstep: int,
+        control: Array | None,
+        *,
+        record: Sequence[str],
+        ids: EnvSelection | None,
+        out: dict[str, Array] | None,
     ) -> dict[str, Array]:
         """Advance robots by physics steps, and return output fields after each step.
 
@@ -97,6 +103,7 @@ class RecordingBatch(Batch, Protocol):
 
         Args:
             nstep: Number of physics steps.
+            control: Joint targets in each physics step, (k, nstep, 12), rad; None to keep the present ones.
             record: Names of the fields.
             ids: Indices of k robots; None for all robots.
             out: Result of an earlier call for the same number of robots, to which the values are written.

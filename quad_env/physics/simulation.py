@@ -305,9 +305,10 @@ class Simulation:
 
         The code updates a motor meter, a low-pass filter of the joint targets or a thermal model.
         """
-        has_feedback = self._target_filter is not None or self._thermal_model is not None
-        self._records_all_steps = not has_feedback and self.batch.features.outputs_of_all_steps
-        """True if a motor meter can read the outputs of all physics steps after the last one."""
+        self._records_all_steps = self.batch.features.outputs_of_all_steps
+        """True if the simulator can advance robots by several physics steps and record the outputs of each."""
+        self._recorded_fields = ("actuator_force",) if self.meter is None else self.meter.outputs
+        """MuJoCo fields that the motor meter and the thermal model need of every physics step."""
         self._outputs: dict[str, Array] | None = None
         """Outputs of the physics steps of all robots, which the next control step overwrites."""
 
@@ -487,17 +488,10 @@ class Simulation:
             self._push[env_ids] = push[env_ids] if steady is None else push[env_ids] + steady[env_ids]
         if self.meter is not None:
             self.meter.start(env_ids)
-        if not self._steps_singly:
+        if self._steps_singly:
+            self._step_with_models(targets, env_ids)
+        else:
             self._step_physics(env_ids, self.substeps)
-        elif not (self._records_all_steps and self._step_with_outputs(env_ids)):
-            for _ in range(self.substeps):
-                if self._target_filter is not None:
-                    self._ctrl[env_ids] = self._target_filter.update(targets, env_ids)
-                self._step_physics(env_ids, 1)
-                if self._thermal_model is not None:
-                    self._thermal_model.update(self._servo_torque[env_ids], env_ids)
-                if self.meter is not None:
-                    self.meter.record(env_ids)
         if self.meter is not None:
             self.meter.finish(env_ids)
         if self.probe is not None:
@@ -505,37 +499,66 @@ class Simulation:
         if self._footsteps is not None:
             self._footsteps.update(env_ids)
 
-    def _step_with_outputs(self, env_ids: EnvSelection) -> bool:
+    def _step_with_models(self, targets: Array, env_ids: EnvSelection) -> None:
+        """Advance robots by a control period, with target filter, thermal model and motor meter.
+
+        `targets` are the joint targets that the servos of the robots `env_ids` receive, (k, 12), rad.
+        """
+        filtered_targets: Array | None = None
+        if self._target_filter is not None:
+            filtered_targets = self._target_filter.update(targets, env_ids, self.substeps)
+        is_cool = self._thermal_model is None or self._thermal_model.has_cool_motors(env_ids)
+        if self._records_all_steps and is_cool and self._step_with_outputs(filtered_targets, env_ids):
+            return
+        for number in range(self.substeps):
+            if filtered_targets is not None:
+                self._ctrl[env_ids] = filtered_targets[number]
+            self._step_physics(env_ids, 1)
+            if self._thermal_model is not None:
+                self._thermal_model.update(self._servo_torque[env_ids], env_ids)
+            if self.meter is not None:
+                self.meter.record(env_ids)
+
+    def _step_with_outputs(self, filtered_targets: Array | None, env_ids: EnvSelection) -> bool:
         """Advance robots by a control period in one call, and record the outputs of its physics steps.
 
-        The call stops stepping a robot with a new warning. Then the states before the call are restored, because a
-        robot with a warning is stepped further.
+        The call stops stepping a robot with a new warning, and it does not lower the torque limit of a hot motor. In
+        both cases the states before the call are restored, because the robots are then stepped one by one.
 
         Args:
-            env_ids: Indices of the robots, or a slice.
+            filtered_targets: Joint targets in each of m physics steps, (m, k, 12), rad; None for constant targets.
+            env_ids: Indices of the k robots, or a slice.
 
         Returns:
-            False if the robots were not advanced, because MuJoCo warned or failed.
+            False if the robots were not advanced, because MuJoCo warned or failed, or because a motor became hot.
         """
-        assert self.meter is not None, "a simulation without meter"
         is_all = env_ids is ALL
         batch = cast("RecordingBatch", self.batch)
         state = batch.state[env_ids].copy()
         warning = batch.warning[env_ids].copy()
-        out = self._outputs if is_all else None
         try:
-            outputs = batch.rollout(self.substeps, record=self.meter.outputs, ids=None if is_all else env_ids, out=out)
+            outputs = batch.rollout(
+                self.substeps,
+                None if filtered_targets is None else filtered_targets.swapaxes(0, 1),
+                record=self._recorded_fields,
+                ids=None if is_all else env_ids,
+                out=self._outputs if is_all else None,
+            )
         except SimulationError:
             has_finished = False
         else:
             has_finished = np.array_equal(batch.warning[env_ids], warning)
+        if has_finished and self._thermal_model is not None:
+            torques = outputs["actuator_force"].swapaxes(0, 1)
+            has_finished = self._thermal_model.update_cool_motors(torques, env_ids)
         if not has_finished:
             batch.state[env_ids] = state
             batch.warning[env_ids] = warning
             return False
         if is_all:
             self._outputs = outputs
-        self.meter.record_steps(outputs)
+        if self.meter is not None:
+            self.meter.record_steps(outputs)
         return True
 
     def _step_physics(self, env_ids: EnvSelection, count: int) -> None:

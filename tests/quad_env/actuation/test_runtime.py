@@ -101,12 +101,21 @@ def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home(
     lag, share = FirstOrderFilter(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
     targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
     for reached in (0.0, share, share + (1.0 - share) * share):
-        np.testing.assert_allclose(lag.update(targets, moving), HOME + np.full((2, 12), reached), atol=1e-6)
-    np.testing.assert_array_equal(lag.update(targets[:1], np.array([1])), HOME[None])
+        np.testing.assert_allclose(lag.update(targets, moving, 1)[0], HOME + np.full((2, 12), reached), atol=1e-6)
+    np.testing.assert_array_equal(lag.update(targets[:1], np.array([1]), 1)[0], HOME[None])
     lag.reset(np.array([2]))
-    now = lag.update(targets, moving)
+    now = lag.update(targets, moving, 1)[0]
     np.testing.assert_array_equal(now[1], HOME)
     assert (now[0] > HOME + 0.25).all()
+
+
+def test_several_steps_of_a_lag_equal_single_steps() -> None:
+    targets = HOME + np.arange(24.0).reshape(2, 12) / 7.0
+    moving = np.array([0, 2])
+    single, together = (FirstOrderFilter(3.0, 0.1, 3, HOME) for _ in range(2))
+    for _ in range(2):
+        steps = [single.update(targets, moving, 1)[0] for _ in range(4)]
+        np.testing.assert_array_equal(together.update(targets, moving, 4), steps)
 
 
 def windings(robots: int = 3) -> tuple[MotorThermalModel, np.ndarray]:
@@ -137,6 +146,25 @@ def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() 
         drive.update(torque, moving)
     share = 0.25 + 0.75 * (60.0 - 41.0995) / 20.0
     assert limits[2, 3] == pytest.approx([-10.0 * share, 10.0 * share], abs=1e-3)
+
+
+@pytest.mark.parametrize(("torque", "stays_cool"), [(4.0, True), (8.0, False)])
+def test_several_steps_of_cool_windings_equal_single_steps(torque: float, stays_cool: bool) -> None:
+    """4 N·m heat to at most 36 °C; with 8 N·m the motor has more than 40 °C after four steps, and nothing changes."""
+    drive, _ = windings(3)
+    alone, limits = windings(3)
+    moving = np.array([0, 2])
+    torques = np.zeros((4, 2, 12))
+    torques[:, 1, 3] = torque
+    before = drive.temperature.copy()
+    assert drive.has_cool_motors(moving)
+    assert drive.update_cool_motors(torques, moving) is stays_cool
+    for step in torques:
+        alone.update(step, moving)
+    assert (limits[2, 3, 1] == 10.0) == stays_cool
+    assert alone.has_cool_motors(moving) == stays_cool
+    assert alone.has_cool_motors(np.array([0, 1]))
+    np.testing.assert_array_equal(drive.temperature, alone.temperature if stays_cool else before)
 
 
 def test_a_motor_that_cools_has_its_full_torque_again() -> None:

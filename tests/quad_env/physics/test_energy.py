@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quad_env.actuation.models import Actuator, TorqueSpeed
+from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.energy import JOINT_READINGS, MotorMeter, sum_foot_forces
 from quad_env.physics.simulators import SimulatorFeatures
@@ -104,21 +104,44 @@ def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     assert meter.speed_limit.tolist() == [SIMPLE_QUAD.rated_speed] * 12
 
 
-def test_readings_are_recorded_in_one_call_or_one_by_one_with_the_same_bits(monkeypatch) -> None:
-    """Motors with a filter or a thermal model, and robots with warnings, are stepped one by one."""
+HOT = Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal(derating=29.0, shutdown=32.0))
+"""Motors that begin to lose torque 4 °C above the ambient temperature."""
+
+
+@pytest.mark.parametrize(
+    ("options", "calls_one_by_one"),
+    [
+        ({"scenario": "rough"}, "none"),
+        ({"scenario": "rough+hardware"}, "none"),
+        ({"scenario": "push", "actuator": "motor"}, "none"),
+        ({"scenario": "flat", "actuator": HOT}, "some"),
+        ({"scenario": "flat", "actuator": HOT, "readings": False}, "some"),
+        ({"scenario": "flat", "actuator": Actuator(TorqueSpeed(), bandwidth=66.0), "readings": False}, "none"),
+    ],
+)
+def test_steps_in_one_call_or_one_by_one_have_the_same_bits(options, calls_one_by_one: str, monkeypatch) -> None:
+    """Robots with warnings and robots with hot motors are stepped one by one."""
     rng = np.random.default_rng(0)
     actions = HOME + rng.uniform(-0.6, 0.6, (40, 3, 12))
+    names = (*JOINT_READINGS, "foot_impulse", "joint_position") if options.get("readings", True) else ()
     found = []
     for in_one_call in (True, False):
-        env = SimpleQuadVectorEnv(3, "rough", readings=True, autoreset_mode="DISABLED", terminate_on_fall=True)
+        env = SimpleQuadVectorEnv(3, **{"readings": True, "autoreset_mode": "DISABLED"} | options)
+        assert env.simulation._records_all_steps
         monkeypatch.setattr(env.simulation, "_records_all_steps", in_one_call)
         calls: list[int] = []
         true = env.simulation._step_physics
         monkeypatch.setattr(env.simulation, "_step_physics", lambda ids, n: (calls.append(n), true(ids, n)))  # noqa: B023
         env.reset(seed=3)
-        infos = [env.step(action)[4] for action in actions]
-        assert calls == ([] if in_one_call else [1] * 5 * len(actions))
-        found.append([info[name] for info in infos for name in (*JOINT_READINGS, "foot_impulse", "joint_position")])
+        results = [env.step(action) for action in actions]
+        if in_one_call:
+            expected_calls = range(1, 5 * len(actions)) if calls_one_by_one == "some" else range(1)
+            assert len(calls) in expected_calls
+        else:
+            assert calls == [1] * 5 * len(actions)
+        found.append([result[0] for result in results] + [result[4][name] for result in results for name in names])
+        if env.simulation.winding_temperature is not None:
+            found[-1].append(env.simulation.winding_temperature)
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
 
