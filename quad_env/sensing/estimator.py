@@ -62,6 +62,8 @@ class AlignedReadings(NamedTuple):
 
     def select(self, mask: Mask) -> "AlignedReadings":
         """Return only the readings of the robots for which `mask` is True, with one item per robot, (k,)."""
+        if mask.all():
+            return self
         return AlignedReadings._make(readings[mask] for readings in self)
 
 

@@ -201,6 +201,22 @@ Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
 """Type variable for the named tuples that store the filter's state in arrays with one row per robot."""
 
 
+class Workspace(NamedTuple):
+    """Matrices that every sample of n robots overwrites; arrays of this size are slow to allocate for each sample."""
+
+    covariance: Array
+    """Covariance of the error of n states, without motion of the feet, (n, 24, 24)."""
+    transition: Array
+    """Derivative of the error of n states with respect to the error one sample before, (n, 24, 24).
+
+    After the prediction, this array is the covariance of the error with the possible motion of the feet.
+    """
+    product: Array
+    """Intermediate products of n matrices, (n, 24, 24)."""
+    innovation_covariance: Array
+    """Covariance of the innovation of all feet of n robots, (n, 12, 12), m²."""
+
+
 class Prediction(NamedTuple):
     """Predicted state of k robots at a new sample, before the measured foot positions correct the state."""
 
@@ -209,7 +225,8 @@ class Prediction(NamedTuple):
     covariance: Array
     """Covariance of the error of k predicted states, under the assumption that no foot has moved, (k, 24, 24).
 
-    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions.
+    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions. The next
+    sample overwrites the array.
     """
     acceleration: Array
     """Acceleration of the trunks of k robots at the new sample, base frame, (k, 3), m/s²."""
@@ -229,7 +246,8 @@ class FootMeasurement(NamedTuple):
     covariance: Array
     """Covariance of the error of k predicted states, including the possible motion of the feet, (k, 24, 24).
 
-    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions.
+    `kalman_models` defines the 24 components of the error: tilt, velocity, IMU biases and foot positions. The next
+    sample overwrites the array.
     """
 
 
@@ -302,6 +320,12 @@ class KalmanFilter:
             acceleration=np.zeros((num_envs, 3)),
         )
         self._covariance = np.zeros((num_envs, size, size))
+        self._workspace = Workspace(
+            covariance=np.zeros((num_envs, size, size)),
+            transition=np.zeros((num_envs, size, size)),
+            product=np.zeros((num_envs, size, size)),
+            innovation_covariance=np.zeros((num_envs, 3 * legs, 3 * legs)),
+        )
 
     @property
     def covariance(self) -> Array:
@@ -368,9 +392,9 @@ class KalmanFilter:
         predicted = kalman_models.predict(self._robot, state, rotated, self._dt)
         force = rotated.specific_force
         acceleration = matvec(0.5 * (rotated.rotation + IDENTITY), force) + GRAVITY * predicted.gravity
-        transition = kalman_models.error_transition_matrix(self._robot, state, measurements, rotated, self._dt)
-        gyro_change = readings.gyro - previous.gyro
-        covariance = self._predict_covariance(self._covariance[env_ids], transition, gyro_change, acceleration)
+        transition = self._workspace.transition[: len(env_ids)]
+        kalman_models.error_transition_matrix(self._robot, state, measurements, rotated, self._dt, out=transition)
+        covariance = self._predict_covariance(transition, readings.gyro - previous.gyro, acceleration, env_ids)
         force_change = np.sqrt(_squared_length(force - previous.specific_force))[..., None]
         previous_acceleration = matvec(rotated.rotation, previous.acceleration)
         _assign(self.previous, env_ids, PreviousSample(readings.gyro, measurements.joints, force, acceleration))
@@ -395,11 +419,11 @@ class KalmanFilter:
         stance_noise = self._stance_noise(prediction.force_change, jacobians, vertical, env_ids)
         noise = self._encoder_noise(readings, jacobians)
         innovation = robot.hip_positions + foot_positions(robot, joints) - prediction.state.feet
-        expected = _foot_blocks(prediction.covariance, len(robot.leg_names)) + stance_noise + noise
+        expected = _foot_blocks(prediction.covariance[:, FEET, FEET]) + stance_noise + noise
         contact = self._update_contact(readings, innovation, expected, jacobians, env_ids)
         covariance = self._inflate_velocity(prediction.covariance, contact, innovation)
         swing_noise = _swing_covariance(contact.probability, innovation, expected, vertical, self._dt)
-        _add_foot_blocks(covariance, stance_noise + swing_noise)
+        _foot_blocks(covariance[:, FEET, FEET])[:] += stance_noise + swing_noise
         return FootMeasurement(innovation, noise, covariance)
 
     def measurement_update(self, predicted: NominalState, measurement: FootMeasurement, env_ids: EnvIndices) -> None:
@@ -411,12 +435,17 @@ class KalmanFilter:
             env_ids: Indices of the k robots, (k,).
         """
         covariance = measurement.covariance
-        innovation_covariance = covariance[:, FEET, FEET].copy()
-        _add_foot_blocks(innovation_covariance, measurement.noise, 0)
+        count = len(env_ids)
+        innovation_covariance = self._workspace.innovation_covariance[:count]
+        np.copyto(innovation_covariance, covariance[:, FEET, FEET])
+        _foot_blocks(innovation_covariance)[:] += measurement.noise
         gain = np.linalg.solve(innovation_covariance, covariance[:, FEET])
-        error = (measurement.innovation.reshape(len(env_ids), 1, -1) @ gain)[:, 0]
-        out = covariance - covariance[:, FEET].mT @ gain
-        self._covariance[env_ids] = 0.5 * (out + out.mT)
+        error = (measurement.innovation.reshape(count, 1, -1) @ gain)[:, 0]
+        corrected = np.matmul(covariance[:, FEET].mT, gain, out=self._workspace.product[:count])
+        np.subtract(covariance, corrected, out=corrected)
+        symmetric = np.add(corrected, corrected.mT, out=self._workspace.covariance[:count])
+        symmetric *= 0.5
+        self._covariance[env_ids] = symmetric
         _assign(self.nominal, env_ids, kalman_models.inject_error(predicted, error))
 
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
@@ -469,31 +498,44 @@ class KalmanFilter:
         return out
 
     def _predict_covariance(
-        self, covariance: Array, transition: Array, gyro_change: Array, acceleration: Array
+        self, transition: Array, gyro_change: Array, acceleration: Array, env_ids: EnvIndices
     ) -> Array:
-        """Propagate the covariance by one control period, and add the noise of the IMU.
+        """Propagate the covariance by one control period, and add the noise of the IMU; return the result.
 
-        `covariance` and the result are covariances of the errors of k states, (k, 24, 24). `transition` is the
-        derivative of each error with respect to the error one control period earlier, (k, 24, 24). `gyro_change` is the
-        change of the gyroscope reading in the period, base frame, (k, 3), rad/s. `acceleration` is the acceleration of
-        the trunk, base frame, (k, 3), m/s².
+        The result is the covariance of the errors of k states, (k, 24, 24). `transition` is the derivative of each
+        error with respect to the error one control period earlier, (k, 24, 24). `gyro_change` is the change of the
+        gyroscope reading in the period, base frame, (k, 3), rad/s. `acceleration` is the acceleration of the trunk,
+        base frame, (k, 3), m/s². `env_ids` are the indices of the k robots.
         """
-        errors = self._errors
-        dt = self._dt
+        out = self._workspace.covariance[: len(env_ids)]
+        product = self._workspace.product[: len(env_ids)]
+        self._covariance.take(env_ids, axis=0, out=out, mode="clip")  # other modes make a copy of `out`
+        np.matmul(transition, out, out=product)
+        np.matmul(product, transition.mT, out=out)
         gyro_gain = transition[:, :, GYRO_BIAS].copy()
         gyro_gain[:, GYRO_BIAS] = 0.0
-        gyro_variance = errors.gyro**2 + PARAMETERS.gyro_interpolation_noise**2 / 3 * _squared_length(gyro_change)
+        gyro_variance = PARAMETERS.gyro_interpolation_noise**2 / 3 * _squared_length(gyro_change)
+        out += np.matmul(gyro_gain, (self._errors.gyro**2 + gyro_variance) * gyro_gain.mT, out=product)
         force_gain = transition[:, :, ACCELEROMETER_BIAS].copy()
         force_gain[:, ACCELEROMETER_BIAS] = 0.0
+        force_covariance = self._force_covariance(gyro_change, acceleration)
+        out += np.matmul(force_gain @ force_covariance, force_gain.mT, out=product)
+        random_walk = PARAMETERS.accelerometer_bias_random_walk**2 * self._dt
+        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += random_walk * IDENTITY
+        return out
+
+    def _force_covariance(self, gyro_change: Array, acceleration: Array) -> Array:
+        """Return the covariance of the accelerometer reading, base frame, (k, 3, 3), m²/s⁴.
+
+        `gyro_change` is the change of the gyroscope reading in the control period, base frame, (k, 3), rad/s.
+        `acceleration` is the acceleration of the trunk, base frame, (k, 3), m/s².
+        """
+        errors = self._errors
         scale_variance = PARAMETERS.accelerometer_scale_noise**2 * _squared_length(acceleration)
         force_variance = errors.accelerometer**2 + scale_variance
         lever = skew(gyro_change)
-        lever_arm_covariance = (PARAMETERS.lever_arm_noise_gain * errors.lever / dt) ** 2 * (lever @ lever.mT)
-        out: Array = transition @ covariance @ transition.mT
-        out += gyro_gain @ (gyro_variance * gyro_gain.mT)
-        out += force_gain @ (force_variance * IDENTITY + lever_arm_covariance) @ force_gain.mT
-        random_walk = PARAMETERS.accelerometer_bias_random_walk**2 * dt
-        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += random_walk * IDENTITY
+        lever_arm_gain = PARAMETERS.lever_arm_noise_gain * errors.lever / self._dt
+        out: Array = force_variance * IDENTITY + lever_arm_gain**2 * (lever @ lever.mT)
         return out
 
     def _stance_noise(self, force_change: Array, jacobians: Array, vertical: Array, env_ids: EnvIndices) -> Array:
@@ -552,7 +594,8 @@ class KalmanFilter:
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
         squared_slip = (slip_weight * (innovation * innovation).sum(axis=-1)).sum(axis=-1)
         gain = (PARAMETERS.slip_velocity_inflation / self._dt) ** 2
-        out = covariance.copy()
+        out = self._workspace.transition[: len(covariance)]
+        np.copyto(out, covariance)
         out[:, VELOCITY, VELOCITY] += gain * squared_slip[:, None, None] * IDENTITY
         return out
 
@@ -586,23 +629,14 @@ def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
     return out
 
 
-def _foot_blocks(covariance: Array, legs: int) -> Array:
-    """Return the covariance of each foot's position, base frame, (k, 4, 3, 3), m².
+def _foot_blocks(matrices: Array) -> Array:
+    """Return a view of the 3x3 blocks on the diagonals of k square `matrices`, (k, legs, 3, 3).
 
-    The result contains the 3x3 blocks on the diagonal of `covariance`, which is the covariance of the errors of k
-    states, (k, 24, 24). `legs` is the number of legs.
+    The matrices have three rows and columns for each foot, (k, 3 legs, 3 legs).
     """
-    return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
-
-
-def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
-    """Add a 3x3 block per foot, `blocks`, (k, 4, 3, 3), to the diagonals of k square `matrices`, in place.
-
-    The first block begins at row and column `start`, and each further block follows the previous one.
-    """
-    for leg in range(blocks.shape[1]):
-        entries = slice(start + 3 * leg, start + 3 * leg + 3)
-        matrices[:, entries, entries] += blocks[:, leg]
+    legs = matrices.shape[-1] // 3
+    blocks: Array = np.einsum("kaiaj->kaij", matrices.reshape(-1, legs, 3, legs, 3))
+    return blocks
 
 
 def _squared_length(vectors: Array) -> Array:

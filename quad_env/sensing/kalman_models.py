@@ -161,7 +161,12 @@ def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float)
 
 
 def error_transition_matrix(
-    robot: Robot, state: NominalState, measurements: StepMeasurements, rotated: RotatedState, dt: float
+    robot: Robot,
+    state: NominalState,
+    measurements: StepMeasurements,
+    rotated: RotatedState,
+    dt: float,
+    out: Array | None = None,
 ) -> Array:
     """Compute the derivative of the state's error after `predict` with respect to the error before it.
 
@@ -171,6 +176,7 @@ def error_transition_matrix(
         measurements: Sensor readings of the period.
         rotated: Result of `rotate_state` for `state`.
         dt: Control period, s.
+        out: Array to which the result is written; None for a new array.
 
     Returns:
         Transition matrices of the k error vectors, (k, error_dim, error_dim), see `error_dim`.
@@ -179,7 +185,9 @@ def error_transition_matrix(
     gravity_cross = skew(rotated.gravity)
     angular_velocity = measurements.angular_velocity - state.gyro_bias
     bias_to_tilt = dt * (IDENTITY - 0.5 * dt * skew(angular_velocity))
-    out = np.zeros((len(rotation), error_dim(robot), error_dim(robot)))
+    if out is None:
+        out = np.empty((len(rotation), error_dim(robot), error_dim(robot)))
+    out.fill(0.0)
     out[:, TILT, TILT] = rotation
     out[:, TILT, GYRO_BIAS] = bias_to_tilt
     out[:, VELOCITY, VELOCITY] = rotation
@@ -203,18 +211,19 @@ def _fill_foot_rows(
     control period, `rotated` the result of `rotate_state` for it, and `dt` the control period, s. `bias_to_tilt` is the
     derivative of the tilt error with respect to the error of the gyroscope bias, (k, 3, 3), s.
     """
-    gravity_cross = skew(rotated.gravity)
-    calf_cross = skew(rotated.calf_rotation)
-    feet = matvec(rotated.rotation[:, None], state.feet)
+    gravity_cross = skew(rotated.gravity)[:, None]
+    rotation = rotated.rotation[:, None]
+    rows = out[:, FEET].reshape(len(out), len(robot.leg_names), 3, -1)  # a view, one item of axis 1 for each foot
+    rolling = robot.foot_radius * (skew(rotated.calf_rotation) @ gravity_cross)
+    feet = matvec(rotation, state.feet)
+    lever_cross = skew(feet - 0.5 * dt * rotated.velocity[:, None])
+    rows[:] = (-0.5 * dt * out[:, VELOCITY])[:, None]
+    rows[..., VELOCITY] -= 0.5 * dt * rotation
+    rows[..., TILT] += rolling @ rotation
+    gyro_gain = (rolling - lever_cross) @ bias_to_tilt[:, None]
+    rows[..., GYRO_BIAS] += gyro_gain - robot.foot_radius * dt * gravity_cross
     for leg in range(len(robot.leg_names)):
-        row = foot(leg)
-        rolling = robot.foot_radius * (calf_cross[:, leg] @ gravity_cross)
-        out[:, row] = -0.5 * dt * out[:, VELOCITY]
-        out[:, row, VELOCITY] -= 0.5 * dt * rotated.rotation
-        out[:, row, TILT] += rolling @ rotated.rotation
-        lever_cross = skew(feet[:, leg] - 0.5 * dt * rotated.velocity)
-        out[:, row, GYRO_BIAS] += (rolling - lever_cross) @ bias_to_tilt - robot.foot_radius * dt * gravity_cross
-        out[:, row, row] = rotated.rotation
+        rows[:, leg, :, foot(leg)] = rotated.rotation
 
 
 def inject_error(state: NominalState, error: Array) -> NominalState:

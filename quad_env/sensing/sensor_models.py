@@ -126,8 +126,11 @@ class Channel:
             clock: Number of control steps since the start of the episode, for each of the k robots, (k,).
             env_ids: Indices of the k robots, (k,).
         """
-        is_due = clock % self.period == 0
-        self._samples[clock[is_due] // self.period % len(self._samples), env_ids[is_due]] = values[is_due]
+        if self.period == 1:
+            self._samples[clock % len(self._samples), env_ids] = values
+        else:
+            is_due = clock % self.period == 0
+            self._samples[clock[is_due] // self.period % len(self._samples), env_ids[is_due]] = values[is_due]
         is_first = clock == 0
         if is_first.any():
             self._samples[:, env_ids[is_first]] = values[is_first]

@@ -232,6 +232,28 @@ def moved_on(filter_: KalmanFilter, times: int = 1, *, fresh: bool = True, **fie
         filter_.update(now, np.arange(1))
 
 
+def test_robots_that_are_stepped_in_turns_equal_robots_that_are_stepped_together() -> None:
+    """No intermediate matrix of an earlier sample or of another robot reaches an estimate."""
+    random = np.random.default_rng(2)
+    robots = np.arange(3)
+    together = KalmanFilter(ROBOT, SensorSuite(), 3, DT, 1)
+    in_turns = KalmanFilter(ROBOT, SensorSuite(), 3, DT, 1)
+    start = AlignedReadings(*(np.repeat(values, 3, axis=0) for values in read()))
+    for filter_ in (together, in_turns):
+        filter_.reset(robots, start.accelerometer, start)
+    for _ in range(4):
+        gyro = random.normal(size=(3, 3))
+        joints = start.joints + 0.05 * random.normal(size=(3, 12))
+        contact = random.random((3, 4)) < 0.5
+        readings = start._replace(gyro=gyro, joints=joints, contact=contact)
+        together.update(readings, robots)
+        for rows in (np.array([1]), np.array([0, 2])):
+            in_turns.update(AlignedReadings(*(values[rows] for values in readings)), rows)
+    for one, other in zip(together.nominal, in_turns.nominal, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(together.covariance, in_turns.covariance)
+
+
 IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "sustained_contact": np.zeros((1, 4), np.bool_)}
 
 
