@@ -31,12 +31,20 @@ STUDENT = "student"
 """Name of the policy that is distilled from a controller for a robot."""
 SIGHTED = "sighted"
 """Name of the policy with a height scan that is distilled from a controller with a height scan for a robot."""
+WALK = "walk"
+"""Folder of the deployable policy of a robot, with observations that the robot measures and the maker's servo gains.
+
+The policy has no name, because `walk` is the name of a gait. It is given by its path, for example models/go2/walk."""
+_MPC_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
+"""Name of each policy `mpc_wbc_...` for a gait other than the trot -> function that makes the policy."""
+_CONTROLLERS = frozenset({*BASES, *_MPC_GAITS, "behaviour"})
+"""Names of the controllers; trained policies in folders of these names are given by path."""
 
 
 def _bundle_names(robot: Robot = SIMPLE_QUAD) -> tuple[str, ...]:
-    """Return the sorted names of the folders in the models folder of `robot` that have a policy bundle."""
+    """Return the sorted names of the policy bundles in the models folder of `robot`, without controllers' names."""
     folders = (file.parent.name for file in shipped.models_folder(robot).glob(f"*/{DESCRIPTION}"))
-    return tuple(sorted(name for name in folders if name.isidentifier()))
+    return tuple(sorted(name for name in folders if name.isidentifier() and name not in _CONTROLLERS))
 
 
 TRAINED = tuple(sorted({"end_to_end", "residual", "robust", SIGHTED, STUDENT, *_bundle_names()}))
@@ -76,8 +84,6 @@ def _load_bundle(
     return policy
 
 
-_MPC_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
-"""Name of each policy `mpc_wbc_...` for a gait other than the trot -> function that makes the policy."""
 MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(make_base, base) for name, base in BASES.items()},
     "behaviour": Behaviour,

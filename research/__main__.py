@@ -43,6 +43,7 @@ COMMANDS = {
     "sb3-block": Command(
         "research.training.sb3_block", "the README's block for SB3, run with several seeds and evaluated"
     ),
+    "downloads": Command("research.pages.downloads", "deployment files of the shipped walks, and the table of them"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 """Name of a command -> module of the command, and its description in the list of commands."""

@@ -265,7 +265,8 @@ def describe_correction(config: TrainConfig | DistillationConfig) -> str:
     """Describe in words how the policy corrects joint targets: base policy, rate, Hz, and limits, rad."""
     if isinstance(config, DistillationConfig):
         limits = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
-        return f"moves the joints from the home pose at {1.0 / CONTROL_PERIOD:g} Hz by at most {limits}"
+        rate = 1.0 / (CONTROL_PERIOD * config.hold)
+        return f"moves the joints from the home pose at {rate:g} Hz by at most {limits}"
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
     amount = "by at most" if config.correction == "bounded" else "without limits, in units of"

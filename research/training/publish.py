@@ -72,7 +72,8 @@ class PublishOptions:
     models/residual, models/go1/student or models/go1/end_to_end."""
     policy: str = ""
     """Kind of the policy that is shipped: residual, end-to-end, student (of a distillation), sighted (a student with a
-    height scan), or robust (PPO that has started with a student); by default the kind of the first run."""
+    height scan), walk (a student with deployable observations and the maker's servo gains), or robust (PPO that has
+    started with a student); by default the kind of the first run."""
     scenarios: tuple[str, ...] | None = None
     """Evaluated scenarios; by default each kind of disturbance, so severe that robots begin to fail, and for a sighted
     policy also uneven ground and lost scans."""

@@ -12,7 +12,7 @@ import policies
 from evaluate.records.training_run import load_settings
 from policies.bundle import DESCRIPTION, find_bundle_folder
 from policies.network import ACTIVATION
-from policies.registry import SIGHTED, STUDENT
+from policies.registry import SIGHTED, STUDENT, WALK
 from policies.shipped import models_folder
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
@@ -26,7 +26,7 @@ CARD = "MODEL.md"
 """File name of the model card, the description of a trained policy."""
 IMPROVED = "robust"
 """Kind of a policy that PPO has trained, starting from a student."""
-KINDS = ("residual", "end-to-end", STUDENT, SIGHTED, IMPROVED)
+KINDS = ("residual", "end-to-end", STUDENT, SIGHTED, WALK, IMPROVED)
 """Kinds of policies that the command `publish` ships."""
 
 

@@ -10,7 +10,7 @@ from evaluate import hardware
 from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
-from policies.registry import SIGHTED, STUDENT
+from policies.registry import SIGHTED, STUDENT, WALK
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.ray_option import RayOption
 from quad_env.scenarios.scenario import HARDWARE, SCAN_DROPOUTS, SCAN_LOST
@@ -239,7 +239,13 @@ class DistillationConfig:
 
     @property
     def policy_name(self) -> str:
-        """Name of the trained policy, which is also its kind: `sighted` with a height scan, otherwise `student`."""
+        """Name of the trained policy, which is also its kind.
+
+        It is `sighted` with a height scan, `walk` with deployable observations and the maker's servo gains, otherwise
+        `student`.
+        """
+        if self.observations == "deployable" and self.has_own_servo:
+            return WALK
         return SIGHTED if self.sighted else STUDENT
 
     @property
