@@ -72,6 +72,10 @@ MIN_INTERVALS = 10
 A command interval is the time during which the velocity command of a robot is constant."""
 
 
+MIN_UNFINISHED_TIME = 2.0
+"""Shortest time since the last command, s, after which the command counts as tracked or not if the episode ends."""
+
+
 class CommandIntervalTracker:
     """Decides for n robots if they track their velocity commands, with the success rule of the evaluator.
 
@@ -85,6 +89,7 @@ class CommandIntervalTracker:
 
     def __init__(self, robots: int, dt: float) -> None:
         self._settling_steps = round(1.0 / dt)
+        self._shortest_steps = round(MIN_UNFINISHED_TIME / dt)
         self._command = np.zeros((robots, 3))
         self._velocity_sum = np.zeros((robots, 3))
         self._steps = np.zeros(robots, np.int64)
@@ -96,6 +101,29 @@ class CommandIntervalTracker:
         """
         self._steps[robots] = 0
         self._velocity_sum[robots] = 0.0
+
+    def finish(self, robots: BoolArray) -> tuple[BoolArray, BoolArray]:
+        """End the command intervals of some robots, because their episodes end without a fall.
+
+        Args:
+            robots: True for robots with an episode that ends, (n,).
+
+        Returns:
+            ended: True for robots with an ended interval of at least `MIN_UNFINISHED_TIME`, (n,). Shorter intervals are
+                discarded.
+            tracked: True for robots that tracked the command of the ended interval, (n,). The entries of robots with no
+                ended interval have no meaning.
+        """
+        ended = robots & (self._steps >= self._shortest_steps)
+        tracked = self._tracked()
+        self.reset(robots)
+        return ended, tracked
+
+    def _tracked(self) -> BoolArray:
+        """Return a mask, (n,), that is True for robots that have tracked the present command so far."""
+        counted = self._steps - self._settling_steps
+        mean = self._velocity_sum / np.maximum(counted, 1)[:, None]
+        return RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
 
     def step(
         self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
@@ -113,10 +141,8 @@ class CommandIntervalTracker:
                 ended interval have no meaning.
         """
         new = (command != self._command).any(axis=1)
-        counted = self._steps - self._settling_steps
-        mean = self._velocity_sum / np.maximum(counted, 1)[:, None]
-        tracked = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
-        ended = new & (counted > 0)
+        tracked = self._tracked()
+        ended = new & (self._steps > self._settling_steps)
         self._steps[new] = 0
         self._velocity_sum[new] = 0.0
         self._command[new] = command[new]

@@ -114,6 +114,8 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
         self._first_truncation[chosen] = NO_TRUNCATION if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = 0
         self._returns[chosen] = 0
+        if mask is not None:
+            self._count_intervals(*self._intervals.finish(chosen & ~self._fell))
         self._intervals.reset(chosen)
         infos["privileged"] = self._privileged(infos)
         return observation, infos
@@ -160,6 +162,10 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
             **{name: total / steps for name, total in sums.items()},
         }
 
+    def finish_intervals(self) -> None:
+        """End the command intervals of all robots and count them, before all robots start new episodes."""
+        self._count_intervals(*self._intervals.finish(~self._fell))
+
     def pop_interval_counts(self) -> NDArray[np.int64]:
         """Return the numbers of ended (row 0) and of tracked (row 1) command intervals of each of b scenarios, (2, b).
 
@@ -205,12 +211,8 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
         `rewards`, (n,), are the rewards of the step; `fell`, (n,), is True for robots that fell in the step.
         """
         ended, tracked = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
-        self._sums["intervals"] += int(ended.sum())
-        self._sums["tracked"] += int((ended & tracked).sum())
+        self._count_intervals(ended, tracked)
         self._sums["reward"] += float(rewards.sum())
-        starts = [part.start for part in self._parts]
-        counts = np.stack((ended, ended & tracked)).astype(np.int64)
-        self._interval_counts += np.add.reduceat(counts, starts, axis=1)
         error = infos["command"] - infos["heading_velocity"]
         self._sums["steps"] += len(error)
         self._sums["velocity_error"] += float(np.hypot(error[:, 0], error[:, 1]).sum())
@@ -218,6 +220,17 @@ class MultiScenarioVectorEnv(CombinedVectorEnv):
         for key in infos:
             if key.startswith(REWARD):
                 self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
+
+    def _count_intervals(self, ended: BoolArray, tracked: BoolArray) -> None:
+        """Add the command intervals of the robots in the mask `ended`, (n,), to the statistics.
+
+        `tracked`, (n,), is True for robots that tracked the command of their interval.
+        """
+        self._sums["intervals"] += int(ended.sum())
+        self._sums["tracked"] += int((ended & tracked).sum())
+        starts = [part.start for part in self._parts]
+        counts = np.stack((ended, ended & tracked)).astype(np.int64)
+        self._interval_counts += np.add.reduceat(counts, starts, axis=1)
 
     def _count_episodes(self, finished: BoolArray) -> None:
         """Add the episodes of the robots for which the mask `finished`, (n,), is True to the statistics."""

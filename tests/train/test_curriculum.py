@@ -1,10 +1,15 @@
 """Command intervals have the criteria of an evaluation, and determine the difficulty of the training."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.registry import scenario
 from train.curriculum import CommandIntervalTracker, at_difficulty, update_difficulties, with_terrain_seed
+from train.distillation.config import DistillationConfig
+from train.distillation.run import make_robots
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
@@ -136,3 +141,24 @@ def test_random_ground_is_that_of_its_purpose_and_seed():
     assert found == [1003, 2]
     assert with_terrain_seed("rough", "validation").terrain.seed == 1
     assert with_terrain_seed("flat", "training", 3) == scenario("flat")
+
+
+def test_robots_count_the_commands_of_episodes_that_end_by_time_and_not_again_those_that_ended_by_a_fall():
+    mixture = (("flat", 1.0),)
+    config = DistillationConfig(teacher="trot", envs=4, mixture=mixture, max_episode_steps=300, max_tilt=0.15)
+    with contextlib.closing(make_robots(config, SIMPLE_QUAD)) as robots:
+        robots.reset(seed=0)
+        stand = np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (4, 1))
+        lie = stand.copy()
+        lie[0, [2, 8]] = SIMPLE_QUAD.joint_lower[2]  # the knees of the left legs
+        falls = 0
+        for _ in range(300):
+            *_, terminated, truncated, _ = robots.step(lie)
+            falls += int(terminated.sum())
+            if (terminated | truncated).any():
+                robots.reset(options={"reset_mask": terminated | truncated})
+        assert falls > 0
+        counted = robots.pop_interval_counts()[0, 0]
+        robots.finish_intervals()
+        assert counted == falls + 3
+        assert robots.pop_interval_counts()[0, 0] in (0, 1)

@@ -179,7 +179,7 @@ class DistillationConfig:
     """Number of robots simulated together."""
     round_steps: int = parameter(250, limits=(1, 1_000_000))
     """Number of control steps of 10 ms in a round. After each round the network learns from all labels so far."""
-    segment_rounds: int = parameter(4, limits=(1, 1000))
+    segment_rounds: int = parameter(2, limits=(1, 1000))
     """Number of rounds after which all robots start new episodes and a checkpoint is written."""
     teacher_share: tuple[float, ...] = dataclasses.field(
         default=(1.0, 0.5, 0.25, 0.125, 0.1, 0.0), metadata={"limits": (0.0, 1.0)}
@@ -204,7 +204,7 @@ class DistillationConfig:
     """Difficulty of each scenario at the start of the training, from 0, the mildest level of its disturbance, to 1, the
     severity that --mixture names. After each segment it rises where most velocity commands were tracked, and falls
     where few were. 1 and no change: a student that cannot walk yet collects labels of useless states."""
-    max_tilt: float = parameter(0.6, limits=(0.05, 3.2))
+    max_tilt: float = parameter(0.9, limits=(0.05, 3.2))
     """Tilt of the trunk at which a training episode ends, rad. A robot that stumbles without a fall would collect
     labels of states from which also the teacher cannot walk on."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))

@@ -258,6 +258,7 @@ class Distillation:
 
     def _adjust_difficulties(self) -> None:
         """Set the difficulty of each scenario in the next segment, from the command intervals of the finished one."""
+        self._robots.finish_intervals()
         counted, tracked = self._robots.pop_interval_counts()
         self._state.difficulties = update_difficulties(
             self._state.difficulties, counted, tracked, DIFFICULTY_STEP, MIN_INTERVALS
