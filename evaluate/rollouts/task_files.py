@@ -15,8 +15,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from evaluate.records.provenance import REPOSITORY
-from evaluate.records.training_run import SETTINGS_FILE
 from policies.description import DESCRIPTION
 from policies.external import is_reference
 from quad_env.cli.command_line import UsageError
@@ -26,7 +24,8 @@ from quad_env.robots.registry import SUFFIXES as ROBOT_SUFFIXES
 
 _PACKAGES = ("quad_env", "policies", "evaluate", "train")
 """Packages of this project, which every machine has."""
-_POLICY_FILES = (DESCRIPTION, SETTINGS_FILE)
+_REPOSITORY = Path(__file__).resolve().parents[2]
+_POLICY_FILES = (DESCRIPTION, "config.json")
 """Names of files; each folder of a policy bundle or of a training run has one of them."""
 Options = TypeVar("Options")
 MAX_SIZE = 2**30
@@ -216,7 +215,7 @@ def _reference(entry: object) -> tuple[str, ...] | None:
 
 def _installed_folders() -> dict[str, Path]:
     """Return the folders with files that every machine has: name -> path."""
-    folders = {name: REPOSITORY / name for name in _PACKAGES}
+    folders = {name: _REPOSITORY / name for name in _PACKAGES}
     return folders | {name: Path(sysconfig.get_paths()[name]) for name in ("purelib", "platlib")}
 
 
