@@ -51,7 +51,7 @@ from train.validation import best_validation, describe_validation, validate, val
 
 DIFFICULTY_STEP = 0.25
 """Smallest change of the difficulty of a scenario after a segment, dimensionless, see `update_difficulties`."""
-MIN_INTERVALS = 4
+MIN_INTERVALS = 2
 """Smallest number of finished command intervals in a segment for which the difficulty of a scenario changes."""
 
 
