@@ -47,9 +47,9 @@ def test_an_evaluation_has_the_bytes_of_local_workers_though_ray_workers_are_kil
 ) -> None:
     short_episodes(monkeypatch, 400)
     without_report(monkeypatch)
-    with killed_workers(4, 1.5) as killed:
+    with killed_workers(5, 1.5) as killed:
         assert main([*RUN, "--at-once", "2", "--ray", address, "--out", str(tmp_path / "ray")]) == 0
-    assert killed
+    assert len(killed) == 5
     assert capfd.readouterr().err.count("its task starts again") >= 1
     assert main([*RUN, "--out", str(tmp_path / "local")]) == 0
     assert episodes(tmp_path / "ray") == episodes(tmp_path / "local")
