@@ -57,11 +57,10 @@ class RobotState:
 class DeployedPolicy:
     """Policy with observations that consist of the published state of a robot, its command and its last action.
 
+    A PolicyError is raised if the policy needs readings that the robot does not publish.
+
     Args:
         policy: Policy for one robot.
-
-    Raises:
-        PolicyError: The policy needs readings that the robot does not publish.
     """
 
     def __init__(self, policy: Policy) -> None:

@@ -74,11 +74,10 @@ class MotorOrder:
     The signs and zeros of the angles are converted too, because the joint angles of this project are zero with the legs
     straight down.
 
+    A PolicyError is raised if a motor fits no joint of the robot.
+
     Args:
         robot: Robot with the joints.
-
-    Raises:
-        PolicyError: A motor fits no joint of the robot.
     """
 
     def __init__(self, robot: Robot) -> None:
