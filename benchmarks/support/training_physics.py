@@ -79,6 +79,7 @@ def make_states(setting: TrainingPhysics, robot: Robot, start: InitialStates) ->
         timestep=setting.timestep,
         solver_iterations=setting.iterations,
         options=setting.options,
+        visuals=False,
     )
     return InitialStates(make_stepping_model(model), start.seeds, start.qpos, start.qvel, SAMPLE_TIME)
 

@@ -37,7 +37,8 @@ def test_it_describes_the_robot_that_it_is_given() -> None:
 def test_without_a_command_it_lists_them(capsys) -> None:
     assert main([]) == 0
     listed = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
-    assert listed == ["info", "describe", "doctor", "scenarios", "policies", "view", "film", "record", "ros"]
+    simulation = ["view", "film", "record", "ros", "unitree", "drive"]
+    assert listed == ["info", "describe", "doctor", "scenarios", "policies", *simulation]
 
 
 def test_every_scenario_is_told_with_its_unit_its_levels_and_a_sentence(capsys) -> None:

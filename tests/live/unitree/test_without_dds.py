@@ -16,6 +16,9 @@ def test_a_missing_package_is_one_line(
 ) -> None:
     monkeypatch.setitem(sys.modules, "cyclonedds", None)
     monkeypatch.delitem(sys.modules, "live.unitree.dds", raising=False)
+    # Submodules that an earlier test has imported would still be found.
+    for module in [name for name in sys.modules if name.startswith("cyclonedds.")]:
+        monkeypatch.setitem(sys.modules, module, None)
     said = refused(main, command, "--robot", "simple_quad")
     assert said == f"error: this needs cyclonedds, which is not installed: {install_command('unitree')}\n"
 
