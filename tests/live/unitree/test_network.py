@@ -145,10 +145,10 @@ def test_bad_commands_damp_the_motors_with_one_line_each_and_no_crash(bus: Any, 
 def test_drive_stands_up_and_trots_and_the_robot_stays_upright(
     bus: Any, simulated: Any, running: Running, domain: int
 ) -> None:
-    words = ["drive", "--policy", "trot", "--command", "0.3", "0", "0", "--seconds", "1"]
+    words = ["drive", "--policy", "trot", "--command", "0.3", "0", "0", "--seconds", "2"]
     timing = ["--domain", str(domain), "--wait", "100", "--state-timeout", "10"]
     sport = bus.subscribe("rt/sportmodestate", "SportModeState_")
-    with simulated(3.6) as robot, running([sys.executable, "-m", "quad_env", *words, *timing], TIMEOUT) as drive:
+    with simulated(4.6) as robot, running([sys.executable, "-m", "quad_env", *words, *timing], TIMEOUT) as drive:
         limit = time.monotonic() + TIMEOUT
         heights = []
         while drive.poll() is None:
@@ -159,7 +159,7 @@ def test_drive_stands_up_and_trots_and_the_robot_stays_upright(
         robot.communicate(timeout=TIMEOUT)
     assert (drive.returncode, err) == (0, "")
     assert out.splitlines()[1:] == ["rt/lowstate arrives; the robot stands up", "trot acts", out.splitlines()[-1]]
-    assert out.splitlines()[-1] == "1.0 s walked; the motors are damped"
+    assert out.splitlines()[-1] == "2.0 s walked; the motors are damped"
     assert max(position[2] for position in heights) > 0.24
     assert max(position[0] for position in heights) > 0.05, "the robot does not walk"
 
