@@ -70,8 +70,6 @@ MIN_INTERVALS = 10
 """Smallest number of finished command intervals in a scenario for which its difficulty may change.
 
 A command interval is the time during which the velocity command of a robot is constant."""
-
-
 MIN_UNFINISHED_TIME = 2.0
 """Shortest time since the last command, s, after which the command counts as tracked or not if the episode ends."""
 

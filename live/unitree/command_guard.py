@@ -2,12 +2,11 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
-from live.unitree.checksum import checksum
-from live.unitree.messages import UnitreeMessage
+from live.unitree.checksum import checksum, is_intact
+from live.unitree.messages import Received, UnitreeMessage
 from live.unitree.motors import MotorCommands, damped, read_commands
 
 COMMAND_TIMEOUT = 0.2
@@ -22,18 +21,6 @@ REPORT_PERIOD = 5.0
 """Simulated time within which a fault of one kind is reported only once, s."""
 CHECKED_MESSAGES = 8
 """Number of the newest messages of one step that are checked; older ones are already out of date."""
-
-
-class _Received(Protocol):
-    """Received message: its bytes and the number of its writer."""
-
-    @property
-    def data(self) -> bytes:
-        """Bytes of the message on the network."""
-
-    @property
-    def writer(self) -> int:
-        """Number of the writer of the message."""
 
 
 class CommandGuard:
@@ -62,7 +49,7 @@ class CommandGuard:
         self._writers: dict[int, float] = {}
         self._arrivals: deque[tuple[float, int]] = deque()
 
-    def update(self, messages: Sequence[_Received], time: float, wall_time: float) -> None:
+    def update(self, messages: Sequence[Received], time: float, wall_time: float) -> None:
         """Take the messages of one simulation step into account.
 
         Args:
@@ -100,9 +87,9 @@ class CommandGuard:
         except ValueError as error:
             self._damp("unreadable", str(error), time)
             return
-        received = int(message.get("crc")[0])
-        if received != (expected := checksum(message)):
-            self._damp("wrong CRC", f"wrong CRC, got {received:#010x}; valid: {expected:#010x}", time)
+        if not is_intact(message):
+            fact = f"wrong CRC, got {message.get('crc')[0]:#010x}; valid: {checksum(message):#010x}"
+            self._damp("wrong CRC", fact, time)
             return
         commands = read_commands(message)
         if not all(np.isfinite(values).all() for values in commands):

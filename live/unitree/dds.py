@@ -7,7 +7,7 @@ conversion of a robot state takes longer than a physics step.
 import contextlib
 import socket
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from cyclonedds.core import DDSException
@@ -19,29 +19,18 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from live.unitree.messages import HEADER, NAMESPACE, STRUCTURES, UnitreeMessage, members
+from live.unitree.messages import HEADER, NAMESPACE, STRUCTURES, Received, UnitreeMessage, members
 from quad_env.cli.command_line import UsageError
 
 LOOPBACK = "lo"
 """Name of the network interface that other machines cannot reach; it stands for 127.0.0.1 on every system."""
 QUEUE_LENGTH = 256
 """Number of received messages that wait until they are taken; older messages are dropped."""
-
-
 _MAX_PARTICIPANTS = 32
 """Largest number of programs that find each other on the loopback interface."""
 _ENCODING = HEADER[:2]
 _RELIABLE = Policy.Reliability.Reliable(duration(milliseconds=1))
 """Reliability of publishers; a publisher waits for slow readers at most this long."""
-
-
-class Received(NamedTuple):
-    """UnitreeMessage that a subscription has received."""
-
-    data: bytes
-    """Bytes of the message on the network, with the header."""
-    writer: int
-    """Number of the writer of the message."""
 
 
 class _Payload:

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from live.unitree.motors import MotorCommands, damped
 from policies.base import Floats
 from quad_env.actuation.hardware import HardwareProfile, hardware_profile
-from quad_env.actuation.models import Actuator, ResolvedTorqueSpeed
+from quad_env.actuation.models import Actuator
 from quad_env.actuation.runtime import ActionDelay, make_action_delay
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.energy import sum_foot_forces, touch_sensors
-from quad_env.physics.model import servo_fields
-from quad_env.physics.rotations import quaternion
+from quad_env.physics.model import servo_fields, torque_limits
+from quad_env.physics.rotations import quaternion, roll_pitch_yaw
 from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
 from quad_env.physics.state import heading_velocity, rotation_matrix
 from quad_env.robots.robot import JOINTS, Robot
@@ -98,7 +98,7 @@ class LowLevelRobot:
         self._motor_delay_steps = 0 if profile is None else round(profile.actuator.delay * RATE)
         curve = None if profile is None else profile.actuator.curve
         self._curve = None if curve is None else curve.resolve(robot)
-        self._nominal_torque = _nominal_torque(robot, scenario, self._curve)
+        self._nominal_torque = torque_limits(robot, scenario.motors, self._curve)
         self._observation = make_observation_model(self._suite, COMPLEMENTARY, self.simulation, scenario, 1, RATE)
         self._bind_motors()
         self.reset(seed)
@@ -250,14 +250,6 @@ def _make_simulation(
         raise UsageError(f"--robot: {error}") from error
 
 
-def _nominal_torque(robot: Robot, scenario: Scenario, curve: ResolvedTorqueSpeed | None) -> Floats:
-    """Return the torque limit of each joint at standstill, (12,), N·m; `curve` is the motors' torque-speed curve."""
-    limit = np.full(robot.num_joints, scenario.motors.max_torque(robot))
-    if curve is None:
-        return limit
-    return curve.peak_torque if scenario.motors.torque_limit is None else np.minimum(limit, curve.peak_torque)
-
-
 def _at_environment_rate(name: str) -> SensorSuite:
     """Return the sensors called `name` with the sample rate of the environment, `SENSOR_RATE`."""
     suite = sensor_suite(name)
@@ -283,8 +275,7 @@ def _tilted(gravity: Floats, true_quaternion: Floats) -> Floats:
         Quaternion (w, x, y, z), (4,).
     """
     x, y, z = -gravity
-    rotation = rotation_matrix(tuple(true_quaternion))
-    yaw = np.arctan2(rotation[1][0], rotation[0][0])
+    yaw = roll_pitch_yaw(true_quaternion)[2]
     roll = np.arctan2(y, z)
     pitch = np.arctan2(-x, np.hypot(y, z))
     return np.asarray(quaternion(np.array([roll]), np.array([pitch]), np.array([yaw]))[0])

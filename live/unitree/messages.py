@@ -140,7 +140,7 @@ def _leaves(name: str, start: int, prefix: str, in_memory: bool) -> Iterator[_Le
     """Yield all numbers of a structure that follows byte `start`, in order.
 
     Args:
-        name: UnitreeMessage type of the structure.
+        name: Message type of the structure.
         start: Offset of the first byte that is free, bytes.
         prefix: Path of the structure with a dot at its end; empty for a whole message.
         in_memory: True for the offsets in memory, False for the offsets on the network.
@@ -180,8 +180,17 @@ def _aligned(offset: int, alignment: int) -> int:
     return math.ceil(offset / alignment) * alignment
 
 
+class Received(NamedTuple):
+    """Message that a subscription has received."""
+
+    data: bytes
+    """Bytes of the message on the network, with the header."""
+    writer: int
+    """Number of the writer of the message."""
+
+
 class UnitreeMessage:
-    """UnitreeMessage of one type, with fields that are read and written in its bytes.
+    """Message of one type, with fields that are read and written in its bytes.
 
     Args:
         name: Name of the message type.

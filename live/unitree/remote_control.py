@@ -32,7 +32,7 @@ class RemoteControl:
         """Return the velocity command of a message `WirelessController_`.
 
         Args:
-            message: UnitreeMessage with the stick positions; numbers that are not finite count as zero.
+            message: Message with the stick positions; numbers that are not finite count as zero.
 
         Returns:
             Forward and left velocity, m/s, and yaw rate, rad/s, (3,).

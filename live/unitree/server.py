@@ -16,6 +16,7 @@ from live.unitree.topics import LOW_COMMAND, LOW_STATE, SPORT_STATE
 from policies.base import Floats
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.real_time_rate import RealTimeRate
+from quad_env.physics.rotations import roll_pitch_yaw
 from quad_env.robots.robot import JOINTS
 
 if TYPE_CHECKING:
@@ -158,15 +159,6 @@ def _set_imu(message: UnitreeMessage, reading: LowLevelReading) -> None:
     message.set("imu_state.gyroscope", reading.gyroscope)
     message.set("imu_state.accelerometer", reading.accelerometer)
     message.set("imu_state.rpy", roll_pitch_yaw(reading.quaternion))
-
-
-def roll_pitch_yaw(quaternion: Floats) -> Floats:
-    """Convert a quaternion (w, x, y, z) to roll, pitch and yaw, (3,), rad."""
-    w, x, y, z = quaternion
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.array((roll, pitch, yaw))
 
 
 def _foot_forces(reading: LowLevelReading, order: MotorOrder) -> Floats:

@@ -108,17 +108,31 @@ def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robo
 
     `motors` are the scenario's limits on torque and bandwidth. `actuator` is the model of the joint servos.
     """
-    torque_limit = np.full(robot.num_joints, motors.max_torque(robot))
+    curve = None if actuator.curve is None else actuator.curve.resolve(robot)
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
-    if actuator.curve is not None:
-        curve = actuator.curve.resolve(robot)
+    if curve is not None:
         _convert_to_dc_motors(spec, curve, robot)
-        is_weakened = motors.torque_limit is not None
-        torque_limit = np.minimum(torque_limit, curve.peak_torque) if is_weakened else curve.peak_torque
     elif bandwidth is not None:
         _add_actuator_filter(spec, 1 / (2 * math.pi * bandwidth), robot)
     _set_actuator_delay(spec, actuator.delay)
-    return torque_limit
+    return torque_limits(robot, motors, curve)
+
+
+def torque_limits(robot: Robot, motors: Motors, curve: ResolvedTorqueSpeed | None) -> NDArray[np.float64]:
+    """Return the torque limit of each joint at standstill.
+
+    Args:
+        robot: Robot with the joints.
+        motors: Limits of a scenario.
+        curve: Torque-speed curve of the motors; None for motors with the same limit at every speed.
+
+    Returns:
+        Torque limits, (12,), N·m.
+    """
+    limits = np.full(robot.num_joints, motors.max_torque(robot))
+    if curve is None:
+        return limits
+    return curve.peak_torque if motors.torque_limit is None else np.minimum(limits, curve.peak_torque)
 
 
 def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -1,4 +1,4 @@
-"""Functions for rotations: quaternions from roll, pitch and yaw; cross products and their matrices."""
+"""Functions for rotations: quaternions from roll, pitch and yaw, and back; cross products and their matrices."""
 
 import numpy as np
 
@@ -29,6 +29,15 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     y = cr * sp * cy + sr * cp * sy
     z = cr * cp * sy - sr * sp * cy
     return np.stack((w, x, y, z), axis=1)
+
+
+def roll_pitch_yaw(orientation: Array) -> Array:
+    """Convert the quaternion `orientation` (w, x, y, z), (4,), to roll, pitch and yaw, (3,), rad; see `quaternion`."""
+    w, x, y, z = orientation
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.array((roll, pitch, yaw))
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -716,16 +716,15 @@ class Simulation:
 
     def drawn_snapshot(self, robot: int) -> mujoco.MjData:
         """Return MuJoCo data of `drawn_model` in the state of the robot with the index `robot`."""
-        data = self.snapshot(robot)
+        if self._config.visuals:
+            return self.snapshot(robot)
+        self.sync_model(robot)
         model = self.drawn_model
-        if model is self.model:
-            return data
         for field in _DRAWN_FIELDS:
             getattr(model, field)[:] = getattr(self.model, field)
         drawn = mujoco.MjData(model)
-        drawn.time = data.time
-        drawn.qpos[:] = data.qpos
-        drawn.qvel[:] = data.qvel
+        drawn.qpos[:] = self.qpos[robot]
+        drawn.qvel[:] = self.qvel[robot]
         mujoco.mj_forward(model, drawn)
         return drawn
 

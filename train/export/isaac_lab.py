@@ -12,7 +12,6 @@ import numpy as np
 
 from policies.external.spec import SpecTerm
 from quad_env.robots.robot import Robot
-from quad_env.robots.scene import build_spec
 from train.export.export_format import ExportFormat, check_terms, command_ranges, decimation_of, write_yaml
 from train.export.network_files import write_onnx, write_torchscript
 from train.export.plain_network import PlainNetwork, with_clock_gate
@@ -117,7 +116,7 @@ def _robot(network: PlainNetwork) -> dict[str, Any]:
 
 def _armature(robot: Robot) -> dict[str, float]:
     """Return the armature of each joint: name -> kg·m². `PolicyController` sets it to 0 if the file has none."""
-    model = build_spec(robot).compile()
+    model = robot.model
     return {name: float(model.dof_armature[model.joint(name).dofadr[0]]) for name in robot.joint_names}
 
 

@@ -86,7 +86,7 @@ FORMAT = ExportFormat(
     summary="policy.onnx with the metadata of mjlab's exporter, for programs that run mjlab's policies",
     settings="policy.onnx",
     onnx="policy.onnx",
-    usage="`cp policy.onnx RUN/` beside the checkpoints of an mjlab run; deployment programs read its metadata",
+    usage="`cp policy.onnx RUN/`, next to the checkpoints of an mjlab run; deployment programs read its metadata",
     write=write,
 )
 """Format of mjlab."""

@@ -1,7 +1,6 @@
 """The simulated robot follows only valid commands of one writer, and is damped with one line otherwise."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,25 +8,20 @@ import pytest
 from live.unitree import command_guard
 from live.unitree.checksum import seal
 from live.unitree.command_guard import CommandGuard
-from live.unitree.messages import UnitreeMessage
+from live.unitree.messages import Received, UnitreeMessage
 from live.unitree.motors import DAMPING, MotorCommands, low_command
 
 DT = 0.002
 STANDING = MotorCommands(*(np.full(12, value) for value in (0.5, 0.0, 60.0, 5.0, 1.0)))
 
 
-class Packet(NamedTuple):
-    data: bytes
-    writer: int = 1
-
-
-def packet(change: Callable[[UnitreeMessage], None] | None = None, writer: int = 1, is_sealed: bool = True) -> Packet:
+def packet(change: Callable[[UnitreeMessage], None] | None = None, writer: int = 1, is_sealed: bool = True) -> Received:
     message = low_command(STANDING)
     if change is not None:
         change(message)
     if is_sealed:
         seal(message)
-    return Packet(message.to_bytes(), writer)
+    return Received(message.to_bytes(), writer)
 
 
 def setting(path: str, value: float) -> Callable[[UnitreeMessage], None]:
@@ -49,7 +43,7 @@ class Robot:
         self.guard = CommandGuard(self.lines.append)
         self.steps = 0
 
-    def step(self, *packets: Packet, count: int = 1) -> None:
+    def step(self, *packets: Received, count: int = 1) -> None:
         for _ in range(count):
             self.guard.update(packets, self.steps * DT, self.steps * DT)
             self.steps += 1
@@ -77,10 +71,10 @@ def test_a_valid_command_is_followed_from_the_damped_start() -> None:
         (packet(setting("motor_cmd.q", np.nan)), "a number is NaN or infinite"),
         (packet(setting("motor_cmd.tau", np.inf)), "a number is NaN or infinite"),
         (packet(setting("motor_cmd.kp", -3.0)), "negative gain, got -3; valid: from 0"),
-        (Packet(b"\x00\x01\x00\x00junk"), "LowCmd_: no message of this type, got 8 bytes"),
+        (Received(b"\x00\x01\x00\x00junk", 1), "LowCmd_: no message of this type, got 8 bytes"),
     ],
 )
-def test_an_invalid_command_damps_the_motors_until_the_next_valid_one(bad: Packet, said: str) -> None:
+def test_an_invalid_command_damps_the_motors_until_the_next_valid_one(bad: Received, said: str) -> None:
     robot = Robot()
     robot.step(packet(), count=20)
     robot.step(bad, count=20)

@@ -6,8 +6,9 @@ import pytest
 from evaluate.rollouts import battery
 from live.unitree.low_level_robot import RATE, LowLevelReading, LowLevelRobot
 from live.unitree.motors import MotorCommands, MotorOrder, damped
-from live.unitree.server import low_state, roll_pitch_yaw, sport_state
+from live.unitree.server import low_state, sport_state
 from quad_env.cli.command_line import UsageError
+from quad_env.physics.rotations import roll_pitch_yaw
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
